@@ -6,6 +6,8 @@ geometry.
 
 from __future__ import annotations
 
+from typing import Any
+
 import erc_contact as ec
 
 import numpy as np  # isort: skip - after erc_contact, which loads MPI first
@@ -30,7 +32,7 @@ def layers_in_turn() -> Result:
     cell = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(2, 2)).named(
         regions={"soft": ec.where(x=(0.0, 0.5)), "stiff": ec.where(x=(0.5, 1.0))}
     )
-    sides = []
+    sides: list[Any] = []
     for names in (("left", "right"), ("bottom", "top")):
         sides.append(ec.Periodic(*names, mean_strain=strain.tolist()))
     scene = ec.Scene(ec.Elastic({"soft": E, "stiff": 10 * E}, NU), sides)
@@ -57,11 +59,12 @@ def flattened_wave() -> Result:
     def gap(x: ufl.core.expr.Expr) -> ufl.core.expr.Expr:
         return HEIGHT * (1 - ufl.cos(2 * np.pi * x[0]))
 
+    sides: list[Any] = [ec.Periodic("left", "right")]
     scene = ec.Scene(
         ec.Elastic(E, NU),
-        ec.Periodic("left", "right"),
-        ec.Traction("top", (0.0, -PRESSURE)),
-        ec.Contact("bottom", gap=gap),
+        sides,
+        [ec.Traction("top", (0.0, -PRESSURE))],
+        [ec.Contact("bottom", gap=gap)],
     )
     block = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4))
     meshes = Meshes(scene, block, 1e-3)

@@ -15,7 +15,7 @@ facets.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -59,6 +59,24 @@ class PeriodicPair:
     rotation: tuple[tuple[float, ...], ...]
     shift: tuple[float, ...]
     axis: tuple[tuple[float, ...], ...] | None = None
+
+    @classmethod
+    def of(cls, plain: Mapping[str, Any]) -> PeriodicPair:
+        """Make it from plain data, where rows are lists."""
+        axis = plain["axis"] and tuple(map(tuple, plain["axis"]))
+        rows = tuple(map(tuple, plain["rotation"]))
+        return cls(tuple(plain["names"]), rows, tuple(plain["shift"]), axis)
+
+    def is_near(self, other: PeriodicPair, extent: float) -> bool:
+        """Tell whether another pair has the same sides and, up to round-off, motion.
+
+        Args:
+            other: The other pair.
+            extent: Size of the body [length].
+        """
+        turned = abs(np.array(self.rotation) - np.array(other.rotation)).max()
+        shifted = abs(np.array(self.shift) - np.array(other.shift)).max() / extent
+        return self.names == other.names and bool(max(turned, shifted) < SAME_PLACE)
 
     @property
     def turns(self) -> bool:
@@ -167,14 +185,18 @@ def facing_sides(mesh: NamedMesh, pair: PeriodicPair) -> Facing:
     return sides[0][first], sides[1][second]
 
 
-def across(mesh: NamedMesh, pairs: Sequence[PeriodicPair]) -> Any:
+def across(mesh: NamedMesh, pairs: Sequence[PeriodicPair], given: np.ndarray | None = None) -> Any:
     """Return a partitioner that takes points and their images for one; collective.
 
     Args:
-        mesh: The mesh, whose nodes keep their numbers.
+        mesh: The mesh.
         pairs: Its periodic pairs.
+        given: Numbers that its nodes on this rank have in what will be distributed; by
+            default their global numbers.
     """
-    index_map = mesh.mesh.geometry.index_map()
+    if given is None:
+        count = len(mesh.mesh.geometry.x)
+        given = global_numbers(mesh.mesh.geometry.index_map(), np.arange(count))
     nodes = cell_nodes(mesh.mesh.geometry)
     links = []
     for pair in pairs:
@@ -183,7 +205,7 @@ def across(mesh: NamedMesh, pairs: Sequence[PeriodicPair]) -> Any:
             sides = mesh.owned_facets(name)
             local = np.unique(of_facets(nodes[sides[:, 0]], sides[:, 1]))
             x = mesh.mesh.geometry.x[local, : mesh.dim]
-            numbers, x = of_all(mesh.comm, global_numbers(index_map, local), x)
+            numbers, x = of_all(mesh.comm, given[local], x)
             numbers, first = np.unique(numbers, return_index=True)
             tables.append((numbers, x[first]))
         (numbers, x), (images, x_there) = tables

@@ -84,7 +84,7 @@ def admissible_displacement(
     limits = [limits_of(model, *pair) for pair in zip(tractions, gaps, strict=True)]
     for traction, limit in zip(tractions, limits, strict=True):
         _set_status(model, values, free, traction, limit)
-    _limit_normal(values, free, tractions, limits, fits)
+    excess = _limit_normal(values, free, tractions, limits, fits)
     for traction, limit in zip(tractions, limits, strict=True):
         if traction.contact.trace.corner_normals is not None:
             _limit_between_nodes(space, u_hat, free, traction.contact, limit, fits)
@@ -93,7 +93,7 @@ def admissible_displacement(
         fit(values)
     u_hat.x.scatter_forward()
     for fit in fits:
-        fit.check(values)
+        fit.check(values, excess)
     return u_hat
 
 
@@ -154,8 +154,8 @@ def _limit_normal(
     tractions: list[ContactTraction],
     limits: list[Limits],
     fits: list[PeriodicFit],
-) -> None:
-    """Lower normal displacements to their limits, in place.
+) -> float:
+    """Lower normal displacements to their limits, in place; return what is left of it.
 
     A node with several normals needs several passes, because a move along one of them
     changes the displacement along the others, and so does a node of periodic sides.
@@ -175,6 +175,7 @@ def _limit_normal(
                 _move_normal(values, free, limit, beyond, limit.bound[beyond])
         if not has_corners or worst <= SETTLED_EXCESS * abs(values).max(initial=0.0):
             break
+    return worst
 
 
 def _limit_between_nodes(

@@ -70,19 +70,24 @@ class PeriodicFit:
         values[groups.numbers] -= change
         return float(abs(change).max(initial=0.0))
 
-    def check(self, values: np.ndarray) -> None:
-        """Check that supports have left nothing of the given jumps; collective.
+    def check(self, values: np.ndarray, excess: float) -> None:
+        """Check that supports and contacts leave the jumps as given; collective.
+
+        Args:
+            values: Nodal values of u^ [length], shape (nodes, d).
+            excess: What the fit and the limits of contacts leave of each other on this
+                rank [length].
 
         Raises:
             InputError: If they hold both sides at places that do not fit.
         """
         comm = self._space.comm
-        left = greatest(comm, self._missing(values))
+        left = max(greatest(comm, self._missing(values)), greatest(comm, np.array(excess)))
         if left > FITS * greatest(comm, values):
             raise InputError(
-                f"Supports hold both sides of {' or '.join(self._names)} at places that differ by"
-                f" {left:.3g} [length] from their motion as copies; hold none of the two sides, or"
-                " both alike."
+                f"Supports or contacts hold both sides of {' or '.join(self._names)} at places that"
+                f" differ by {left:.3g} [length] from their motion as copies; supports, gaps and"
+                " normals must be the same on all copies."
             )
 
     def _missing(self, values: np.ndarray) -> np.ndarray:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from erc_contact.base.exceptions import InputError
 from erc_contact.model.space import Space
 from erc_contact.scene.contact import Contact
 from erc_contact.scene.periodic import PeriodicSides
@@ -28,13 +29,21 @@ def placed(space: Space, contact: Contact) -> Contact:
 
     Sides of copies get the mean normal of the first one, and the jump of a mean strain.
     A traction of any direction is allowed there, so that their normals need not turn.
+
+    Raises:
+        InputError: If an axisymmetric body is not repeated along its axis.
     """
     if not isinstance(contact, PeriodicSides):
         return contact
+    (pair,) = (pair for pair in space.domain.periodic if pair.names == contact.sides)
+    if space.axisymmetric and (pair.turns or pair.shift[0] != 0.0):
+        raise InputError(
+            f"{type(contact).__name__}({contact.facets!r}): an axisymmetric body is repeated along"
+            " its axis alone; give sides with r the same, one above the other."
+        )
     sides = space.domain.owned_facets(contact.facets)
     local = space.facet_areas(sides) @ space.outward_normals(sides)
     normal = space.comm.allreduce(local)
-    (pair,) = (pair for pair in space.domain.periodic if pair.names == contact.sides)
     return contact.placed(normal / np.linalg.norm(normal), contact.jump_of(pair))
 
 
