@@ -282,6 +282,34 @@ def test_a_mean_strain_has_a_history():
         assert_fits(error)
 
 
+def test_a_run_goes_on(shared_tmp_path):
+    """A folder keeps the sides: a run that is ended goes on from its last mesh."""
+    scene, domain = wavy(0.4, moved=0.3, cells=(4, 6))
+    options = {"method": AUGMENTED, "checkpoint": shared_tmp_path / "run"}
+    ended = ec.adapt(scene, domain, accuracy=0.01, max_steps=2, **options)
+    again = ec.adapt(scene, domain, accuracy=0.01, max_steps=2, **options)
+    assert np.isclose(again.error.relative, ended.error.relative, rtol=1e-8)
+    assert_fits(again.error)
+
+
+def test_a_long_tube_is_a_ring_of_it():
+    """Rings that are repeated along the axis have the stress of a long tube, Lame's."""
+    tube = ec.rectangle((1.0, 0.0), (2.0, 0.25), cells=(8, 2))
+    nu, strain, pressure = 0.3, 0.001, 0.01
+    rings = ec.Elastic(1.0, nu, hypothesis="axisymmetric")
+    sides = ec.Periodic("bottom", "top", mean_strain=((0.0, 0.0), (0.0, strain)))
+    scene = ec.Scene(rings, [sides], [ec.Traction("left", pressure=pressure)])
+    error = certified(scene, tube, AUGMENTED, degree=2)
+    sideways = ec.Periodic("left", "right")
+    axial = 2 * nu * pressure / 3 + strain
+    assert np.isclose(error.force("top").force[1], 3 * np.pi * axial, rtol=1e-3)
+    assert_fits(error)
+    refused(
+        lambda: ec.solve(replace(scene, supports=[], loads=[], contacts=sideways), tube),
+        "along its axis alone",
+    )
+
+
 def test_motions_that_copies_leave_free_must_be_balanced():
     loads = [ec.Traction("inner", pressure=0.01)]
     scene = ec.Scene(ec.Elastic(1.0, 0.3), [cyclic(2)], loads)
@@ -326,4 +354,9 @@ def test_what_cannot_be_is_told():
         ),
     ]:
         refused(call, *words, error=ec.InputError)
+    # A foundation that the next copy does not have.
+    slope = ec.Contact("bottom", gap=lambda x: 0.001 * x[0], bilateral=True)
+    pressed = ec.Traction("top", (0.0, -0.01))
+    on_slope = ec.Scene(elastic, periodic(1), pressed, slope)
+    refused(lambda: certified(on_slope, brick((2, 2)), AUGMENTED), "the same on all copies")
     assert "Periodic: mean_strain" in str(ec.Scene(elastic, periodic(2, np.eye(2).tolist())))
