@@ -5,13 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import inf
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Value
 from erc_contact.scene.checks import check_name, check_value, check_vector
 from erc_contact.scene.law import Coulomb, Law
 from erc_contact.scene.words import names_of_sides
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from namedmesh import Domain, PeriodicPair
 
 
 @dataclass(frozen=True, init=False)
@@ -240,6 +245,23 @@ class Contact:
                 f'{what}: normal="gap" needs a gap that is a callable of x, the distance to the'
                 " foundation."
             )
+
+    def pair_on(self, domain: Domain) -> PeriodicPair | None:
+        """Return the motion between its sides, if they are sides of copies, else None.
+
+        Args:
+            domain: The mesh with names.
+        """
+        return None
+
+    def placed(self, pair: PeriodicPair, normal: np.ndarray) -> Contact:
+        """Return the contact with what its sides have on a mesh; sides of copies do.
+
+        Args:
+            pair: The sides with the motion between them.
+            normal: Mean normal out of the first side [-].
+        """
+        return self
 
     @property
     def sides(self) -> tuple[str, ...]:

@@ -85,14 +85,15 @@ class PeriodicSides(Contact):
         """Return ``E t``, by how much more the next copy moves [length], or None."""
         return None
 
-    def placed(self, normal: np.ndarray, jump: np.ndarray | None) -> Contact:
+    def placed(self, pair: PeriodicPair, normal: np.ndarray) -> Contact:
         """Return the contact with what its sides have on a mesh.
 
         Args:
+            pair: The sides with the motion between them.
             normal: Mean normal out of the first side [-].
-            jump: ``E t`` [length], or None.
         """
         contact = copy(self)
+        jump = self.jump_of(pair)
         # The class is frozen, and a contact between bodies has no motion: only here.
         object.__setattr__(contact, "normal", tuple(normal.tolist()))
         if jump is not None:

@@ -9,7 +9,6 @@ import numpy as np
 from erc_contact.base.exceptions import InputError
 from erc_contact.model.space import Space
 from erc_contact.scene.contact import Contact
-from erc_contact.scene.periodic import PeriodicSides
 from namedmesh import Domain, PeriodicPair
 
 
@@ -20,8 +19,8 @@ def periodic_pairs(contacts: Sequence[Contact], domain: Domain) -> list[Periodic
         contacts: What the scene declares.
         domain: The mesh with names.
     """
-    sides = [contact for contact in contacts if isinstance(contact, PeriodicSides)]
-    return [contact.pair_on(domain) for contact in sides]
+    pairs = [contact.pair_on(domain) for contact in contacts]
+    return [pair for pair in pairs if pair is not None]
 
 
 def placed(space: Space, contact: Contact) -> Contact:
@@ -33,9 +32,9 @@ def placed(space: Space, contact: Contact) -> Contact:
     Raises:
         InputError: If an axisymmetric body is not repeated along its axis.
     """
-    if not isinstance(contact, PeriodicSides):
+    pair = _pair_of(space, contact)
+    if pair is None:
         return contact
-    (pair,) = (pair for pair in space.domain.periodic if pair.names == contact.sides)
     if space.axisymmetric and (pair.turns or pair.shift[0] != 0.0):
         raise InputError(
             f"{type(contact).__name__}({contact.facets!r}): an axisymmetric body is repeated along"
@@ -44,12 +43,15 @@ def placed(space: Space, contact: Contact) -> Contact:
     sides = space.domain.owned_facets(contact.facets)
     local = space.facet_areas(sides) @ space.outward_normals(sides)
     normal = space.comm.allreduce(local)
-    return contact.placed(normal / np.linalg.norm(normal), contact.jump_of(pair))
+    return contact.placed(pair, normal / np.linalg.norm(normal))
 
 
 def rotation_of(space: Space, contact: Contact) -> np.ndarray | None:
     """Return R of a contact from its first side to the other one, None without."""
-    for pair in space.domain.periodic:
-        if pair.names == contact.sides and pair.turns:
-            return np.array(pair.rotation)
-    return None
+    pair = _pair_of(space, contact)
+    return None if pair is None or not pair.turns else np.array(pair.rotation)
+
+
+def _pair_of(space: Space, contact: Contact) -> PeriodicPair | None:
+    """Return the pair of sides of copies that a contact is; None of other contacts."""
+    return next((pair for pair in space.domain.periodic if pair.names == contact.sides), None)
