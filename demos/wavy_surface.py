@@ -83,7 +83,7 @@ def westergaard(x, share):
     return 2 * np.cos(np.pi * x / LENGTH) * np.sqrt(inside)
 
 
-figure, axes = plt.subplots(figsize=(6.3, 3.4))
+figure, axes = plt.subplots(figsize=(6.3, 3.4), layout="constrained")
 for number, (share, history) in enumerate(zip(SHARES, histories, strict=True)):
     profile = history.profile("bottom")
     x = (profile["x"] - CREST + 0.5 * LENGTH) % LENGTH - 0.5 * LENGTH
