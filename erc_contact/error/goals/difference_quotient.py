@@ -277,7 +277,9 @@ def _end(
     phi.x.array[:] = (first.displacement.x.array - second.displacement.x.array) / t
     more, less = stresses
     u = pair.displacement
-    size_2 = elastic_work(pair, phi, phi).value
+    floor = base.floor / t
+    # Two digits of the size are enough.
+    size_2 = elastic_work(pair, phi, phi, np.inf).value
 
     size = float(np.sqrt(max(size_2, 0.0)))
     law = MovedLaw.between(first.model, second.model, t)
@@ -291,12 +293,12 @@ def _end(
     V = base.psi + product + BoundedNumber(0.0, error.round_off * size)
     V += load_work(model, phi)
     # What moves beside loads and supports, given strains and preloads, works on phi.
-    V = V - elastic_work(pair, u, phi) + strain_work(pair, phi) + law.work(pair, t)
+    V = V - elastic_work(pair, u, phi, floor) + strain_work(pair, phi, floor) + law.work(pair, t)
     tractions = zip(pair.tractions, more.tractions, less.tractions, strict=True)
     contacts = zip(tractions, base.frictions, strict=True)
     for (traction, of_more, of_less), slid in contacts:
         tau = (of_more.values - of_less.values) / t
-        V += contact_work(space, traction.contact, tau, u, base.floor / t)
+        V += contact_work(space, traction.contact, tau, u, floor)
         # Friction adds int b (|w^_t| - |w+_t|)/t, at the upper end its mirror image.
         slides = friction_work(space, traction, moved.displacement, base.floor)
         sign = 1.0 if moved is first else -1.0
