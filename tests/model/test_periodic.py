@@ -170,6 +170,41 @@ def test_a_sector_is_the_whole_disc(degree):
     assert_fits(one)
 
 
+def fitted(ring):
+    """A shaft in a hub, which meet at the radius 1.5."""
+
+    def inside(x):
+        return np.hypot(x[0], x[1]) < 1.5 + 1e-9
+
+    def outside(x):
+        return np.hypot(x[0], x[1]) > 1.5 - 1e-9
+
+    return ring.named(regions={"shaft": inside, "hub": outside}).split(
+        {"rim": "shaft", "bore": "hub"}
+    )
+
+
+@pytest.mark.serial
+def test_a_sector_of_a_press_fit_carries_its_part_of_the_torque():
+    """A contact of two bodies with friction ends on the sides; less than the torque that slips."""
+    twist = (lambda x: -3e-5 * x[1], lambda x: 3e-5 * x[0])
+    scene = ec.Scene(
+        ec.Elastic(1.0, 0.3),
+        [ec.Displacement("inner", (0.0, 0.0))],
+        [ec.Traction("outer", twist)],
+        [ec.Contact("rim", against="bore", gap=-0.01, friction=0.3)],
+    )
+    with_sides = replace(scene, supports=[*scene.supports, cyclic(2)])
+    one = certified(with_sides, fitted(sector((4, 8))), AUGMENTED)
+    every = certified(scene, fitted(closed_ring((4, 8 * SECTORS))), AUGMENTED)
+    x = np.array([[r * np.cos(a), r * np.sin(a)] for r in (1.2, 1.8) for a in (0.4, 0.9, 1.5)])
+    u, of_whole = (error.solution.at(x).displacement for error in (one, every))
+    assert abs(u - of_whole).max() < 1e-11 * abs(of_whole).max()
+    torques = [error.force("inner").moment[0] for error in (one, every)]
+    assert np.isclose(SECTORS * torques[0], torques[1], rtol=1e-10)
+    assert_fits(one)
+
+
 @pytest.mark.parametrize("method", [AUGMENTED, ec.Nitsche()], ids=["augmented", "nitsche"])
 @pytest.mark.parametrize("d", [2, 3])
 def test_solvers_agree(d, method):
