@@ -114,8 +114,7 @@ class Periodic(PeriodicSides):
 
     The facets of both sides must match, as ``rectangle`` and ``box`` with ``cells=``
     make them, and gmsh with ``setPeriodic``. Refinement keeps that; meshes that are
-    made anew are refused. What u^ has of a stress is in its displacement and tractions
-    across both sides, so that e bounds the error of the endless body for one copy.
+    made anew are refused. Energies and e belong to one copy.
 
     Args:
         facets: Name of a side.
