@@ -268,6 +268,7 @@ def random_scene(rng):
     return ec.Scene(ec.Elastic(1.0, rng.uniform(0.1, 0.4)), [cyclic(2)], loads), sector((2, 2))
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("seed", range(6))
 def test_bounds_of_the_energy_hold(seed):
     scene, domain = random_scene(np.random.default_rng(seed))
@@ -290,15 +291,22 @@ def test_ranks_change_nothing(degree):
     numbers = []
     for comm in (MPI.COMM_SELF, COMM):
         scene, domain = wavy(0.4, moved=0.3, friction=0.2, cells=(4, 6), comm=comm)
-        error = ec.adapt(scene, domain, accuracy=1e-3, degree=degree, max_steps=3).error
+        error = ec.adapt(scene, domain, accuracy=1e-3, degree=degree, max_steps=2).error
+        numbers.append(error.absolute)
+    assert np.isclose(*numbers, rtol=1e-8)
+
+
+@pytest.mark.ranks
+def test_ranks_change_nothing_in_space():
+    numbers = []
+    for comm in (MPI.COMM_SELF, COMM):
         strain = ((0.01, 0.002, 0.0), (0.002, 0.0, 0.0), (0.0, 0.0, -0.003))
-        layers = ec.Scene(ec.Elastic(MODULI, RATIOS), periodic(3, strain))
         modulus = lambda x: 1 + 0.5 * ufl.sin(2 * np.pi * x[1])  # noqa: E731
-        layers = replace(layers, material=ec.Elastic(modulus, 0.3))
+        layers = ec.Scene(ec.Elastic(modulus, 0.3), periodic(3, strain))
         cube = certified(layers, brick((2, 2, 1), comm), AUGMENTED)
         turned = ec.Scene(ec.Elastic(1.0, 0.3), [cyclic(3)], ec.Traction("inner", pressure=0.01))
         ring = certified(turned, sector((2, 2, 1), comm=comm).refined(), AUGMENTED)
-        numbers.append([error.absolute, cube.absolute, ring.absolute])
+        numbers.append([cube.absolute, ring.absolute])
     assert np.allclose(*numbers, rtol=1e-8)
 
 
