@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from erc_contact.base.code import arguments, code_of
+from erc_contact.scene.support import Rigid
 
 
 def names_of_sides(part: str, against: str | None) -> tuple[str, ...]:
@@ -26,7 +27,7 @@ def in_words(scene: Any) -> list[tuple[str, str]]:
     in_3d = any(len(support.value) == 3 for support in scene.supports)
     rows = [("material", _object(scene.material, hypothesis=not in_3d))]
     for support in scene.supports:
-        is_rigid = type(support).__name__ == "Rigid"
+        is_rigid = isinstance(support, Rigid)
         words = _object(support) if is_rigid else f"displacement {_vector(support.value)}"
         rows.append((support.facets, words))
     for load in scene.loads:
