@@ -57,6 +57,7 @@ CASES: dict[str, Callable[[], Result]] = {
         punches.tilted_plate,
         punches.press_fit,
         bodies.bimetal_strip,
+        bodies.bar_between_sections,
         punches.block_in_space,
         punches.cattaneo_mindlin,
         turned.cylinder_between_platens,
@@ -79,6 +80,7 @@ CASES: dict[str, Callable[[], Result]] = {
         edges.bonded_platens,
         edges.rough_fit,
         edges.two_hemispheres,
+        edges.ball_under_a_force,
         edges.balls_between_pads,
     )
 }
