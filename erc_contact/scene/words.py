@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import Any
 
 from erc_contact.base.code import arguments, code_of
-from erc_contact.scene.support import Rigid
 
 
 def names_of_sides(part: str, against: str | None) -> tuple[str, ...]:
@@ -27,8 +26,8 @@ def in_words(scene: Any) -> list[tuple[str, str]]:
     in_3d = any(len(support.value) == 3 for support in scene.supports)
     rows = [("material", _object(scene.material, hypothesis=not in_3d))]
     for support in scene.supports:
-        is_rigid = isinstance(support, Rigid)
-        words = _object(support) if is_rigid else f"displacement {_vector(support.value)}"
+        is_given = type(support).__name__ == "Displacement"
+        words = f"displacement {_vector(support.value)}" if is_given else _object(support)
         rows.append((support.facets, words))
     for load in scene.loads:
         region = getattr(load, "region", None)
