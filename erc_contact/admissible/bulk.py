@@ -18,11 +18,11 @@ from erc_contact.model.model import Model
 
 
 def _turning(model: Model, count: int) -> np.ndarray | None:
-    """Number the facets of loose faces that turn freely from 1 on, see :class:`.Patches`.
+    """Number the loose faces that turn freely on their facets, see :class:`.Patches`.
 
     Args:
         model: The scene on a mesh.
-        count: Number of facets.
+        count: Number of facets on this rank.
     """
     d = model.space.d
     faces = [face for face in model.loose_faces if face.free[d:].any()]

@@ -161,7 +161,7 @@ def check_neighbours(
         contacts: The contacts.
 
     Raises:
-        InputError: If a support, a contact or another face holds a free motion of a face.
+        InputError: If a support, a contact or another face holds a free motion.
     """
     for face in faces:
         _check_beside(space, face, held, f"{face.what} and a support")

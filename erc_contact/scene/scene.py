@@ -288,9 +288,10 @@ class Scene:
         for i, component in enumerate(value):
             acts = callable(component) or abs(component) > round_off(value)
             if acts and (load.facets, i) in fixed:
+                kind = type(supports[0]).__name__
                 raise InputError(
-                    f"{load.facets!r} has a {type(load).__name__} and a {type(supports[0]).__name__} in"
-                    f" component {i}; make the load 0 there, or free the component (None)."
+                    f"{load.facets!r} has a {type(load).__name__} and a {kind} in component {i};"
+                    f" make the load 0 there, or free the {kind} (None)."
                 )
 
     @staticmethod

@@ -1,4 +1,4 @@
-"""Declare supports: displacements, springs, rigid faces, and sections that stay plane."""
+"""Declare supports: displacements, springs, rigid faces, sections that stay plane."""
 
 from __future__ import annotations
 
@@ -141,13 +141,13 @@ class Rigid:
     moment: float | Sequence[float | None] | None = None
     about: Sequence[float] | None = None
 
-    example: ClassVar[str] = (
+    _example: ClassVar[str] = (
         "Rigid('top', displacement=(0.0, None), rotation=0.0, force=(None, -3.0))"
     )
 
     def __post_init__(self) -> None:
         """Check the arguments, and make tuples of them."""
-        check_name("Rigid", self.facets)
+        check_name(type(self).__name__, self.facets)
         for name in ("displacement", "rotation", "force", "moment", "about"):
             value: Any = getattr(self, name)
             if value is not None and not isinstance(value, Real):
@@ -156,7 +156,7 @@ class Rigid:
         if self.displacement is None and self.force is None:
             raise InputError(
                 f"{self._what} has neither displacement nor force; give a number for each"
-                f" component in one of them, e.g. {self.example}."
+                f" component in one of them, e.g. {self._example}."
             )
         for number, lacks in enumerate(zip(self._ring_lacks, self._slides, strict=True)):
             self._check_freedom(number, may_lack=any(lacks))
@@ -311,11 +311,11 @@ class PlaneSection(Rigid):
 
         u . n = q_0 + (theta x (x - about)) . n,    sigma n = (n . sigma n) n.
 
-    n is an axis. Numbers are given as to :class:`Rigid`, for the freedoms that the
-    section has, and are left out for all others: its force along y, say, is
-    ``force=(None, F)``. In the plane the section turns by ``rotation``; in 3D it has two
-    rotations and moments, ``moment=(0.0, 0.0, None)`` where n is z. A section of an
-    axisymmetric body moves along the axis alone, and is a face that slides along r.
+    n is an axis, and is known by the component that is given: ``force=(None, F)`` is a
+    force along y. Of each freedom of the section, as of :class:`Rigid`, either the
+    motion or its resultant is given; None stands for the freedoms that it lacks. In 3D
+    it turns about two axes, ``moment=(0.0, 0.0, None)`` where n is z. A section of an
+    axisymmetric body moves along the axis alone, as a face that slides along r.
 
     Args:
         facets: Name of the boundary part, which is flat and lies on one body.
@@ -342,7 +342,7 @@ class PlaneSection(Rigid):
         (3.0, None, 0.0)
     """
 
-    example: ClassVar[str] = "PlaneSection('top', rotation=0.0, force=(None, -3.0))"
+    _example: ClassVar[str] = "PlaneSection('top', rotation=0.0, force=(None, -3.0))"
 
     def __post_init__(self) -> None:
         """Check the arguments: they are along one axis, and about the other axes."""
@@ -352,7 +352,7 @@ class PlaneSection(Rigid):
             raise InputError(
                 f"{self._what} has displacements or forces along {listed(axes)}; it moves along its"
                 f" normal alone: give one component, and None in place of the others, e.g."
-                f" {self.example}."
+                f" {self._example}."
             )
         for number, slides in enumerate(self._slides):
             if slides and (self.motions[number], self.resultants[number]) != (None, None):

@@ -55,9 +55,7 @@ def check_section(error: ec.ConstitutiveError, section: ec.PlaneSection) -> None
     rotation = np.zeros(3)
     rotation[-len(motion.rotation) :] = motion.rotation
     # What is given.
-    for given, found in zip(
-        section.motions, (*motion.displacement, *motion.rotation), strict=True
-    ):
+    for given, found in zip(section.motions, (*motion.displacement, *motion.rotation), strict=True):
         assert given is None or found == pytest.approx(given, abs=1e-14)
     # u^ is plane.
     facets = space.domain.facets(section.facets)

@@ -73,7 +73,7 @@ class RigidFace:
 
     @property
     def reach(self) -> np.ndarray:
-        """Return the size of its unit motions at its nodes [-], shape (n, d, freedoms)."""
+        """Return the sizes of unit motions at the nodes [-], shape (n, d, freedoms)."""
         return np.asarray(abs(self.shapes) / self.sizes)
 
     def work(self, nodal: np.ndarray) -> np.ndarray:
@@ -163,9 +163,8 @@ def bind_rigid(space: Space, rigid: Rigid) -> RigidFace:
     nodes = np.unique(space.facet_nodes(facets))
     about = centroid(space, facets) if rigid.about is None else np.array(rigid.about, dtype=float)
     if len(about) != d:
-        raise InputError(
-            f"{type(rigid).__name__}({rigid.facets!r}): about has {len(about)} numbers, but the mesh is {d}D."
-        )
+        what = f"{type(rigid).__name__}({rigid.facets!r})"
+        raise InputError(f"{what}: about has {len(about)} numbers, but the mesh is {d}D.")
     x = space.V.tabulate_dof_coordinates()[nodes, :d]
     shapes = motions_about_axes(x - about)
     given = zip(rigid.motions, rigid.resultants, strict=True)
@@ -194,7 +193,7 @@ def bind_rigid(space: Space, rigid: Rigid) -> RigidFace:
 
 
 def _check_flat(space: Space, section: PlaneSection, facets: np.ndarray) -> None:
-    """Check that a plane section is a part of a plane normal to its axis; collective."""
+    """Check that a plane section lies in a plane normal to its axis; collective."""
     axis = section.axis
     low, high = box(space.comm, space.facet_corners(facets).reshape(-1, space.d))
     depth = float((high - low)[axis])
