@@ -37,6 +37,14 @@ from erc_contact.model.space import Space
 from erc_contact.scene.material import mandel_basis, strain
 from erc_contact.scene.potential import Potential, remembers
 
+BESIDE = 1e-9
+"""Share of E by which C is taken beside it [-].
+
+What has yielded begins a load step on the yield surface, where psi'' jumps. There
+round-off would make C another one in forms than at points, and no correction of nodal
+forces would have the stress that belongs to it.
+"""
+
 
 class StrainOf:
     """Evaluate the strain of a displacement at points of cells; collective to make.
@@ -176,16 +184,15 @@ class Linearised:
     def given_stress(self) -> Ufl:
         """Return ``C eps_0 = C eps(u) - psi'(E)`` [force/area], UFL, like a strain."""
         of_strain = self._tangent * self._components(self.section.strain(self.u))
-        return self._tensor(of_strain - self._derivatives.stress())
+        return self._tensor(of_strain - self._derivatives(1.0).stress())
 
     @cached_property
     def _tangent(self) -> Ufl:
         """Return C in Mandel components, UFL (s, s)."""
-        return self._derivatives.tangent()
+        return self._derivatives(1 - BESIDE).tangent()
 
-    @cached_property
-    def _derivatives(self) -> Derivatives:
-        """Return the derivatives of the potential at E."""
+    def _derivatives(self, share: float) -> Derivatives:
+        """Return the derivatives of the potential at a share of E."""
         eps = self.section.strain(self.u)
         if self.jumps is not None:
             units = [ufl.as_matrix(tensor.tolist()) for tensor in mandel_basis(self._space.d)]
@@ -195,7 +202,7 @@ class Linearised:
         values = dict(self._parameters)
         if self.law.state is not None and remembers(self._potential):
             values |= self.law.state.ufl(self._potential.state)
-        return Derivatives(self._potential, eps, self.law.rows, values)
+        return Derivatives(self._potential, share * eps, self.law.rows, values)
 
     @cached_property
     def _tensors(self) -> list[Ufl]:
@@ -222,13 +229,13 @@ class Linearised:
 
     def tangent_at(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Evaluate C at points of cells [force/area], shape (n, q, s, s)."""
-        return self.law.tangent(self.strain_at(x, cells), x, cells)
+        return self.law.tangent((1 - BESIDE) * self.strain_at(x, cells), x, cells)
 
     def __call__(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Evaluate eps_0 at points of cells, as given strains are, shape (n, q, s)."""
         eps = self.strain_at(x, cells)
         stress = self.law.stress(eps, x, cells)
-        tangent = self.law.tangent(eps, x, cells)
+        tangent = self.tangent_at(x, cells)
         given = eps - np.linalg.solve(tangent, stress[..., None])[..., 0]
         if self.jumps is not None:
             size = self.jumps.ufl_shape[0]
