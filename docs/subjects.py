@@ -10,7 +10,7 @@ SUBJECTS = {
     "Rings": "o_ring ball_on_layer turned_bolt turned_press_fit",
     "CAD and bolted assemblies": "part clamp flange_from_cad as1 bolt flange",
     "Loading histories": "hysteresis cattaneo_mindlin around thermostat",
-    "Plasticity": "plastic_layer lug imprint autofrettage",
+    "Plasticity": "plastic_layer lug imprint autofrettage yielding_bolt",
     "Numbers": "force_bounds run_time paper greco incompressible many_solutions",
     "Other codes": "other_code",
 }
