@@ -279,21 +279,20 @@ def relief_of(
 def works_on(
     space: Space, functions: Sequence[fem.Function], loads: fem.Function
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return work of loads on K motions, and of their lengths [force]; collective.
+    """Return work of loads on K motions, and of their sizes [force]; collective.
 
-    Motions are known up to round-off in each component. Work of the lengths is never
-    less than that, also of loads that are all normal to a motion.
+    Sizes are the lengths of the vectors: a load across a motion has round-off along it.
 
     Args:
         space: The mesh.
         functions: The motions.
         loads: Nodal forces, not yet summed over ranks [force].
     """
-    forces = np.linalg.norm(loads.x.array.reshape(-1, space.d), axis=1)
     works = [loads.x.array @ motion.x.array for motion in functions]
+    size = np.linalg.norm(loads.x.array.reshape(-1, space.d), axis=1)
     sizes = []
     for motion in functions:
-        sizes.append(forces @ np.linalg.norm(motion.x.array.reshape(-1, space.d), axis=1))
+        sizes.append(size @ np.linalg.norm(motion.x.array.reshape(-1, space.d), axis=1))
     total = space.comm.allreduce(np.array([works, sizes]), MPI.SUM)
     return total[0], total[1]
 
