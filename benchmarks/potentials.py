@@ -222,7 +222,7 @@ def random_preload(rng: np.random.Generator, body: Body) -> tuple[Body, ec.Scene
         area = np.pi * WIDTH**2 if body.kind == RINGS else WIDTH
         pushing = float(rng.uniform(0.3, 1.6)) * YIELD * area
         tie = ec.Preload("upper bottom", "lower top", force=-pushing)
-    return body, replace(scene, contacts=scene.contacts[:1], ties=tie)
+    return body, replace(scene, contacts=scene.contacts[:1], ties=[tie])
 
 
 def certified(solution: ec.Solution) -> ec.ConstitutiveError:
