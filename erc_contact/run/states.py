@@ -58,8 +58,10 @@ ABOUT = "linearised about"
 SAME_ERROR = 1e-8
 """Difference of eps that round-off explains, over eps [-]."""
 SAME_SQUARE = 1e-14
-"""Difference of eps^2 that round-off explains [-]: of a potential it is a difference of
-energies."""
+"""Difference of eps^2 that round-off explains [-].
+
+Of a potential eps^2 is a difference of energies.
+"""
 
 
 def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Contents:

@@ -351,7 +351,7 @@ class PlaneSection(Rigid):
         if len(axes) != 1:
             raise InputError(
                 f"{self._what} has displacements or forces along {listed(axes)}; it moves along its"
-                f" normal alone: give one component, and None in place of the others, e.g."
+                " normal alone: give one component, and None in place of the others, e.g."
                 f" {self._example}."
             )
         for number, slides in enumerate(self._slides):

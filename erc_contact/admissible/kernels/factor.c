@@ -15,8 +15,8 @@ INLINE int may_act(const int d, const lanes *vector, int lane, const _Bool *unkn
 }
 
 /* Which unknowns of the patches may act: they change no given component of a traction, and no couple leaves a rigid
-   face that turns freely, as its moment is given. In 3D all bars along the centre
-   of one ring together do the same as forces at its two ends, so the first of these bars is left out. */
+   face that turns freely, as its moment is given. In 3D all bars along the centre of one ring together do the same as
+   forces at its two ends, so the first of these bars is left out. */
 INLINE void allowed(const int d, const int *ring, int m, int lane, const actions *on, const _Bool *unknown,
                     const int *turning, lanes *keep)
 {
@@ -178,8 +178,8 @@ INLINE void shorten(int N, lanes *A, int *factor, float *unit)
 }
 
 INLINE int factored(const int d, long long patches, const int *ring, const int *size, const double *edges,
-                    const int *facets, const long long *side, long long F, const _Bool *unknown,
-                    const int *turning, const double *compliance, int varies, const double *table, int *factor, float *unit, double *scale)
+                    const int *facets, const long long *side, long long F, const _Bool *unknown, const int *turning,
+                    const double *compliance, int varies, const double *table, int *factor, float *unit, double *scale)
 {
   const int w = (d - 1) * d + 1, b = d * (d - 1) / 2, largest = patches ? size[patches - 1] : 1;
   const size_t most = w + b * largest, entries = most * (most + 1) / 2;
@@ -217,8 +217,8 @@ INLINE int factored(const int d, long long patches, const int *ring, const int *
 }
 
 int factor_patches(long long patches, const int *ring, const int *size, const double *edges,
-                   const int *facets, const long long *side, long long F, const _Bool *unknown,
-                   const int *turning, const double *compliance, int varies, const double *table, int *factor, float *unit, double *scale)
+                   const int *facets, const long long *side, long long F, const _Bool *unknown, const int *turning,
+                   const double *compliance, int varies, const double *table, int *factor, float *unit, double *scale)
 {
   return factored(DIMENSION, patches, ring, size, edges, facets, side, F, unknown, turning, compliance, varies, table,
                   factor, unit, scale);

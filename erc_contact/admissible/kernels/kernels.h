@@ -13,8 +13,8 @@ long long find_rings(long long pairs, const double *edges, const int *facets, co
 /* tighten/patches.py: the factors of all patches. unknown (F, d): components of facets whose traction is not given.
    turning (F): number of the rigid face that turns freely, 0 elsewhere; null without any. */
 int factor_patches(long long patches, const int *ring, const int *size, const double *edges,
-                   const int *facets, const long long *side, long long F, const _Bool *unknown,
-                   const int *turning, const double *compliance, int varies, const double *table, int *factor, float *unit, double *scale);
+                   const int *facets, const long long *side, long long F, const _Bool *unknown, const int *turning,
+                   const double *compliance, int varies, const double *table, int *factor, float *unit, double *scale);
 
 /* tighten/patches.py: adds to z (F, m, d) the corrections for the residual r. */
 int apply_patches(int m, long long patches, const int *ring, const int *size, const double *edges,

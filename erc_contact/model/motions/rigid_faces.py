@@ -169,7 +169,7 @@ def bind_rigid(space: Space, rigid: Rigid) -> RigidFace:
     shapes = motions_about_axes(x - about)
     given = zip(rigid.motions, rigid.resultants, strict=True)
     free = np.array([motion is None and resultant is not None for motion, resultant in given])
-    # Where the face slides, nothing moves it.
+    # A section slides in these components: its motions have no part in them.
     slides = [value is None for value in rigid.value]
     shapes[:, slides] = 0.0
     # What a displacement has beside the motions of the body is no motion of the face.
