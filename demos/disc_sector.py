@@ -73,25 +73,9 @@ def sector(*, has_hole):
         loops[1].append(geo.addCurveLoop(hole))
     faces = [geo.addPlaneSurface(of_face) for of_face in loops]
     geo.synchronize()
-    turn = [
-        cos(ANGLE),
-        -sin(ANGLE),
-        0,
-        0,
-        sin(ANGLE),
-        cos(ANGLE),
-        0,
-        0,
-        0,
-        0,
-        1,
-        0,
-        0,
-        0,
-        0,
-        1,
-    ]
-    gmsh.model.mesh.setPeriodic(1, sides[1], sides[0], turn)
+    turn = np.eye(4)
+    turn[:2, :2] = [[cos(ANGLE), -sin(ANGLE)], [sin(ANGLE), cos(ANGLE)]]
+    gmsh.model.mesh.setPeriodic(1, sides[1], sides[0], turn.ravel())
     parts = {"inner": arcs[:1], "outer": arcs[2:], "low": sides[0], "cut": sides[1]}
     for name, curves in (parts | ({"hole": hole} if hole else {})).items():
         gmsh.model.addPhysicalGroup(1, curves, name=name)
