@@ -3,17 +3,18 @@
 See :mod:`erc_contact.error.goals.singular_strain`. Tractions on the faces within the
 radius add what they do by themselves,
 
-    +- int t . e eta/sqrt(2 pi rho) drho,
+    - E'/2 int t . eta u- drho,    of rings - E'/(4 pi R) int 2 pi r t . v drho,
 
-with t the traction on the body, e normal to the crack for mode I and along it for mode
-II, and + on the face that bounds the body above. Of loads that do not vary it is exact;
-where faces touch within the radius, t is the traction r^ and the number an estimate.
+with t the traction on the body and v of :mod:`erc_contact.error.goals.ring_strain`. On
+the faces u- is ``+- e/sqrt(2 pi rho)`` times -2/E', with e normal to the crack for mode
+I and along it for mode II. Where faces touch within the radius, t is the traction r^ and
+the number an estimate.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -25,7 +26,9 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.goals.moved_law import MovedLaw
 from erc_contact.error.goals.perturbation import BaseScene, Perturbation
+from erc_contact.error.goals.ring_strain import RingStrain, ring_coefficients
 from erc_contact.error.goals.singular_strain import INNER_SHARE, SIZE, SingularStrain, cut_off
+from erc_contact.error.goals.tip_series import plane_field, ring_fields
 from erc_contact.error.numbers import ROUND_OFF, BoundedNumber
 from erc_contact.error.works import strain_work
 from erc_contact.model.data.expressions import Everywhere
@@ -43,8 +46,11 @@ ON_LINE = 1e-6
 """Distance over the radius up to which facets are on the line of the crack [-]."""
 SAME_MATERIAL = 1e-9
 """Relative difference of compliances of a material that is the same everywhere [-]."""
-DEGREE_OF_FACES = 18
-"""Degree in s up to which integrals over faces are exact: 14 of eta, 4 of tractions."""
+DEGREES_OF_FACES = (24, 32)
+"""Degrees in s of two rules over faces: 14 are of eta, 6 of tractions, 4 of v.
+
+Where both rules differ, a load varies too much for them.
+"""
 UNKNOWN = 1e-4
 """What the integral of G may leave unknown, over e and the norm of G [-]."""
 Density = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -55,48 +61,70 @@ their first to their second vertex, shape (n, q).
 """
 
 
+@dataclass(frozen=True)
+class TipMaterial:
+    """Hold the isotropic material around a tip.
+
+    Attributes:
+        kappa: Kolosov's constant [-].
+        modulus: E', of plane strain or plane stress [force/area].
+    """
+
+    kappa: float
+    modulus: float
+
+
 def stress_intensity(
     error: ConstitutiveError, base: BaseScene, goal: StressIntensity
 ) -> Perturbation:
     """Return the perturbation for a stress intensity factor; collective.
 
     Raises:
-        InputError: As :func:`checked_compliance`.
+        InputError: As :func:`checked_material`.
     """
     pair = error.admissible
     model = pair.model
     scene = base.scene
     frame = _Frame(goal)
-    S = checked_compliance(model, goal)
-    # S has (kappa + 1)/(8 mu), and 1/(2 mu) last.
-    kappa = float(4 * S[0, 0] / S[2, 2] - 1)
-    tip_x, tip_y = goal.tip
-    cosine, sine = frame.forward
-    unit = SingularStrain(goal.mode, 1.0, tip_x, tip_y, cosine, sine, goal.radius, kappa)
+    material = checked_material(model, goal)
+    unit = _unit_strain(model, frame, material.kappa)
 
     def scene_at(t: float) -> Scene:
         return replace(scene, strains=(*scene.strains, replace(unit, amount=t)))
 
-    # S has 1/E' as its first entry.
-    size = SIZE / float(np.sqrt(S[0, 0] * goal.radius))
+    length = 2 * np.pi * goal.tip[0] if model.space.axisymmetric else 1.0
+    size = SIZE * float(np.sqrt(material.modulus / (goal.radius * length)))
 
     def psi(u: fem.Function) -> BoundedNumber:
         return strain_work(MovedLaw(singular=unit).move(pair, 1.0), u, UNKNOWN * base.e * size)
 
-    constant = _work_on_faces(error, frame)
+    constant = _work_on_faces(error, frame, material.kappa)
     return Perturbation(scene_at, psi, 1.0, constant, base.e / size)
 
 
-def checked_compliance(model: Model, goal: StressIntensity) -> np.ndarray:
-    """Return the compliance around the tip [area/force], shape (3, 3); collective.
+def _unit_strain(model: Model, frame: _Frame, kappa: float) -> SingularStrain:
+    """Return the given strain G."""
+    goal = frame.goal
+    cosine, sine = frame.forward.tolist()
+    numbers = goal.mode, 1.0, *goal.tip, cosine, sine, goal.radius, kappa
+    if not model.space.axisymmetric:
+        return SingularStrain(*numbers)
+    return RingStrain(*numbers, ring_coefficients(goal.mode, (3 - kappa) / 4, cosine, sine))
+
+
+def checked_material(model: Model, goal: StressIntensity) -> TipMaterial:
+    """Return the material around the tip; collective.
 
     Raises:
         InputError: If the number does not exist: the tip is no end of a straight crack
-            of the plane as long as the radius, the radius reaches the boundary, or
-            within it the material varies or a load, support, spring or given strain is.
+            of the plane as long as the radius, the radius reaches the boundary or the
+            axis, or within it the material varies or a load, support, spring or given
+            strain is.
     """
-    if model.space.section.rows != 2:
-        raise InputError(f"{goal!r}: stress intensity factors are told of bodies in the plane.")
+    if model.space.d != 2:
+        raise InputError(
+            f"{goal!r}: stress intensity factors are told of bodies in the plane and of rings."
+        )
     if model.strains is not None or model.body_force is not None:
         raise InputError(
             f"{goal!r}: with given strains, preloads or body forces the number has no interval;"
@@ -104,7 +132,7 @@ def checked_compliance(model: Model, goal: StressIntensity) -> np.ndarray:
         )
     frame = _Frame(goal)
     _check_crack(model, goal, frame)
-    return _compliance(model, goal, frame)
+    return _material(model, goal, frame)
 
 
 class _Frame:
@@ -157,9 +185,10 @@ def _check_crack(model: Model, goal: StressIntensity, frame: _Frame) -> None:
     beside = frame.distances(corners[~on_faces]).min(initial=np.inf)
     room = space.comm.allreduce(float(beside), MPI.MIN)
     if room < goal.radius * (1 - ON_LINE):
+        or_axis = " or its axis" if space.axisymmetric else ""
         raise InputError(
-            f"{goal!r}: the boundary of the body comes as near as {room:.3g} to the tip, where"
-            " it is not the line of the crack; give a smaller radius, or the place of the tip and"
+            f"{goal!r}: the boundary of the body{or_axis} comes as near as {room:.3g} to the tip,"
+            " where it is not the line of the crack; give a smaller radius, or the place of the tip and"
             " the direction in which the crack points."
         )
     # The part of each facet within the radius; both faces have facets of their own.
@@ -190,43 +219,53 @@ def _check_faces(model: Model, goal: StressIntensity, frame: _Frame) -> None:
         )
 
 
-def _compliance(model: Model, goal: StressIntensity, frame: _Frame) -> np.ndarray:
-    """Return the compliance around the tip [area/force], shape (3, 3); collective.
+def _material(model: Model, goal: StressIntensity, frame: _Frame) -> TipMaterial:
+    """Return the material around the tip; collective.
 
     Raises:
         InputError: If the material varies there, or is not isotropic.
     """
-    corners = model.space.cell_corners()
+    space = model.space
+    corners = space.cell_corners()
     # The tip is a vertex: a cell that the circle meets has an edge within it.
     edges = np.stack([corners[:, [i, (i + 1) % 3]] for i in range(3)], axis=1)
     is_near = frame.near(edges.reshape(-1, 2, 2)).reshape(-1, 3).any(axis=1)
     cells = np.flatnonzero(is_near).astype(np.int32)
     points = np.concatenate([corners[cells], corners[cells].mean(axis=1, keepdims=True)], axis=1)
-    local = model.constitution.metric(points, cells).reshape(-1, 3, 3)
-    (values,) = of_all(model.space.comm, local)
+    metric = model.constitution.metric
+    sizes = *points.shape[:2], metric.size, metric.size
+    local = np.broadcast_to(metric.of_material(points, cells), sizes)
+    (values,) = of_all(space.comm, local.reshape(-1, *sizes[2:]))
     first = values[0]
     changes = abs(values - first).max()
-    # In Mandel components shear has the factor S_11 - S_12 in an isotropic material.
-    isotropic = np.diag([first[0, 0], first[0, 0], first[0, 0] - first[0, 1]])
-    isotropic[0, 1] = isotropic[1, 0] = first[0, 1]
+    # In Mandel components C^-1 is 1/(2 mu) and, among normal components, - nu/E.
+    normal = np.trace(space.section.basis, axis1=1, axis2=2)
+    of_shear = first[0, 0] - first[0, 1]
+    isotropic = of_shear * np.eye(metric.size) + first[0, 1] * np.outer(normal, normal)
     if max(changes, abs(first - isotropic).max()) > SAME_MATERIAL * first.max():
         raise InputError(
             f"{goal!r}: within the radius the material has to be one isotropic material; give a"
             " smaller radius."
         )
-    return np.asarray(first)
+    if space.axisymmetric:
+        kappa = 3 + 4 * first[0, 1] / first[0, 0]
+    else:
+        # C^-1 has (kappa + 1)/(8 mu) first.
+        kappa = 4 * first[0, 0] / of_shear - 1
+    return TipMaterial(float(kappa), float(4 / ((kappa + 1) * of_shear)))
 
 
-def _work_on_faces(error: ConstitutiveError, frame: _Frame) -> BoundedNumber:
+def _work_on_faces(error: ConstitutiveError, frame: _Frame, kappa: float) -> BoundedNumber:
     """Return what tractions on the faces add [force/length^1.5]; collective."""
     model = error.model
     space = model.space
+    weight = _weight_above(space, frame, kappa)
     total = BoundedNumber(0.0)
     for load in model.surface_loads:
         facets = model.domain.owned_facets(load.facets)
         density = partial(_of_load, space, space.everywhere(load.density), facets)
-        value, _ = _on_faces(space, frame, facets, density)
-        total += BoundedNumber(value, 0.0, value == 0.0 or not load.varies)
+        value, unknown, size = _on_faces(space, frame, weight, facets, density)
+        total += BoundedNumber(value, unknown, unknown <= ROUND_OFF * size)
     for traction in error.admissible.tractions:
         trace = traction.contact.trace
         here = trace.here
@@ -234,50 +273,88 @@ def _work_on_faces(error: ConstitutiveError, frame: _Frame) -> BoundedNumber:
             count = len(side.facets)
             owned = here.owned[:count]
             density = partial(_of_contact, space.degree, sign * traction.values[:count][owned])
-            value, size = _on_faces(space, frame, side.facets[owned], density)
+            value, _, size = _on_faces(space, frame, weight, side.facets[owned], density)
             total += BoundedNumber(value, 0.0, abs(value) <= ROUND_OFF * size)
     return total
 
 
+def _weight_above(space: Space, frame: _Frame, kappa: float) -> list[tuple[float, np.ndarray]]:
+    """Return what the factor has of tractions on the face above, see the top.
+
+    It is a sum of ``c rho^p``; on the face below it is the opposite. Tractions of rings
+    are times the circumference.
+
+    Returns:
+        The powers p, and c in the frame of the mesh [length^(-1/2 - p)], shape (2,).
+    """
+    goal = frame.goal
+    # Components along the crack and aside are those of a complex number.
+    along, aside = frame.forward, frame.aside
+    factor = -2 / (kappa + 1)
+    on_face = factor * plane_field(goal.mode, kappa).on_face()[-0.5]
+    plane = on_face.real * along + on_face.imag * aside
+    if not space.axisymmetric:
+        return [(-0.5, plane)]
+    R = goal.tip[0]
+    fields = ring_fields(goal.mode, (3 - kappa) / 4, complex(along[0], aside[0]))
+    of_ring: dict[float, np.ndarray] = {-0.5: plane}
+    for unit, series in zip(np.eye(2), fields.w, strict=True):
+        for p, amount in series.on_face().items():
+            more = factor * amount.real * R ** (-0.5 - p) * unit
+            of_ring[p] = of_ring.get(p, np.zeros(2)) + more
+    return [(p, c / (2 * np.pi * R)) for p, c in of_ring.items()]
+
+
 def _on_faces(
-    space: Space, frame: _Frame, facets: np.ndarray, density: Density
-) -> tuple[float, float]:
-    """Integrate tractions against the weight of the faces; collective.
+    space: Space,
+    frame: _Frame,
+    weight: list[tuple[float, np.ndarray]],
+    facets: np.ndarray,
+    density: Density,
+) -> tuple[float, float, float]:
+    """Integrate tractions against a weight on the faces; collective.
 
     With ``rho = s^2`` the weight has no singularity.
 
     Args:
         space: The mesh.
         frame: The frame of the tip.
+        weight: Of :func:`_weight_above`.
         facets: Facets (cell, local facet), each on one rank, shape (f, 2).
         density: The tractions.
 
     Returns:
-        The integral, and the integral of the size of the tractions [force/length^1.5].
+        The integral, how far a rule is off it, and the integral of the sizes of
+        tractions and weight [force/length^1.5].
     """
     goal = frame.goal
     corners = space.facet_corners(facets)
     chosen = np.flatnonzero(frame.near(corners) & frame.on_faces(corners))
     middles = space.cell_corners()[facets[chosen, 0]].mean(axis=1)
     side = np.sign(frame.at(middles)[:, 1])
-    unit = frame.aside if goal.mode == "I" else frame.forward
     ends = -frame.at(corners[chosen])[..., 0]
-    points, weights = rule(1, DEGREE_OF_FACES)
     inner = INNER_SHARE * goal.radius
-    totals = np.zeros(2)
-    for low, high in ((0.0, inner), (inner, goal.radius)):
-        # The ends of each facet within this range of rho; equal outside, so no weight.
-        roots = np.sqrt(np.sort(np.clip(ends, low, high), axis=1))
-        width = roots[:, 1:] - roots[:, :1]
-        rho = (roots[:, :1] + width * points[:, 0]) ** 2
-        share = (rho - ends[:, :1]) / (ends[:, 1:] - ends[:, :1])
-        eta, _, _ = cut_off(np.maximum(rho, inner), goal.radius)
-        weight = np.sqrt(2 / np.pi) * eta * width * weights
-        values = density(chosen, share)
-        totals[0] += (weight * side[:, None] * (values @ unit)).sum()
-        totals[1] += (weight * np.linalg.norm(values, axis=-1)).sum()
-    value, size = space.comm.allreduce(totals, MPI.SUM)
-    return float(value), float(size)
+    totals = np.zeros((2, 2))
+    for total, degree in zip(totals, DEGREES_OF_FACES, strict=True):
+        points, weights = rule(1, degree)
+        for low, high in ((0.0, inner), (inner, goal.radius)):
+            # The ends of each facet within this range of rho; equal outside, so no weight.
+            roots = np.sqrt(np.sort(np.clip(ends, low, high), axis=1))
+            width = roots[:, 1:] - roots[:, :1]
+            s = roots[:, :1] + width * points[:, 0]
+            rho = s**2
+            share = (rho - ends[:, :1]) / (ends[:, 1:] - ends[:, :1])
+            eta, _, _ = cut_off(np.maximum(rho, inner), goal.radius)
+            # d rho is 2 s ds.
+            of_s = sum(2 * (s ** (2 * p + 1))[..., None] * c for p, c in weight)
+            of_point = side[:, None, None] * (eta * width * weights)[..., None] * of_s
+            values = density(chosen, share)
+            total[0] += (of_point * values).sum()
+            sizes = np.linalg.norm(values, axis=-1) * np.linalg.norm(of_point, axis=-1)
+            total[1] += sizes.sum()
+    totals = space.comm.allreduce(totals, MPI.SUM)
+    (rough, _), (value, size) = totals.tolist()
+    return value, abs(value - rough), size
 
 
 def _of_load(
