@@ -7,8 +7,8 @@ radius add what they do by themselves,
 
 with t the traction on the body and v of :mod:`erc_contact.error.goals.ring_strain`. On
 the faces u- is ``+- e/sqrt(2 pi rho)`` times -2/E', with e normal to the crack for mode
-I and along it for mode II. Where faces touch within the radius, t is the traction r^ and
-the number an estimate.
+I and along it for mode II. Where faces touch within the radius, t is the traction r^,
+and the number is an estimate.
 """
 
 from __future__ import annotations
@@ -106,10 +106,12 @@ def _unit_strain(model: Model, frame: _Frame, kappa: float) -> SingularStrain:
     """Return the given strain G."""
     goal = frame.goal
     cosine, sine = frame.forward.tolist()
-    numbers = goal.mode, 1.0, *goal.tip, cosine, sine, goal.radius, kappa
+    tip_x, tip_y = goal.tip
+    plane = SingularStrain(goal.mode, 1.0, tip_x, tip_y, cosine, sine, goal.radius, kappa)
     if not model.space.axisymmetric:
-        return SingularStrain(*numbers)
-    return RingStrain(*numbers, ring_coefficients(goal.mode, (3 - kappa) / 4, cosine, sine))
+        return plane
+    coefficients = ring_coefficients(goal.mode, (3 - kappa) / 4, cosine, sine)
+    return RingStrain(**vars(plane), coefficients=coefficients)
 
 
 def checked_material(model: Model, goal: StressIntensity) -> TipMaterial:
@@ -188,8 +190,8 @@ def _check_crack(model: Model, goal: StressIntensity, frame: _Frame) -> None:
         or_axis = " or its axis" if space.axisymmetric else ""
         raise InputError(
             f"{goal!r}: the boundary of the body{or_axis} comes as near as {room:.3g} to the tip,"
-            " where it is not the line of the crack; give a smaller radius, or the place of the tip and"
-            " the direction in which the crack points."
+            " where it is not the line of the crack; give a smaller radius, or the place of the tip"
+            " and the direction in which the crack points."
         )
     # The part of each facet within the radius; both faces have facets of their own.
     back = np.clip(-frame.at(corners[on_faces])[..., 0], 0, goal.radius)
@@ -338,7 +340,7 @@ def _on_faces(
     for total, degree in zip(totals, DEGREES_OF_FACES, strict=True):
         points, weights = rule(1, degree)
         for low, high in ((0.0, inner), (inner, goal.radius)):
-            # The ends of each facet within this range of rho; equal outside, so no weight.
+            # The ends of each facet within this range of rho; equal outside it.
             roots = np.sqrt(np.sort(np.clip(ends, low, high), axis=1))
             width = roots[:, 1:] - roots[:, :1]
             s = roots[:, :1] + width * points[:, 0]

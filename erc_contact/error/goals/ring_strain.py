@@ -18,7 +18,7 @@ needs to be balanced in z alone, and T_tt follows. So, with the symbols of
 
 is in equilibrium for any eta, and leaves the faces free. What v lacks to T is of the
 power 1/2 near the tip, not zero as in the plane. The first term alone has no hoop
-stress; A is cut by itself, as its parts of m and chi would give T_tt of the size R/radius.
+stress; A is cut by itself: with its parts in m and chi, T_tt would grow as R/radius.
 
 With 2 mu as unit of stresses, M = r T and ``E'/(4 mu) = 2/(kappa + 1)``,
 
@@ -36,7 +36,6 @@ from typing import ClassVar
 import ufl
 
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.error.goals.tip_series import POWERS, Series, ring_fields
 from erc_contact.error.goals.singular_strain import (
     INNER_SHARE,
     SingularStrain,
@@ -44,6 +43,7 @@ from erc_contact.error.goals.singular_strain import (
     cut_off,
     cut_off_slopes,
 )
+from erc_contact.error.goals.tip_series import POWERS, Series, ring_fields
 
 AT_TIP = 1e-12
 """Least distance from the tip over the radius: powers below zero are finite [-]."""
@@ -110,8 +110,8 @@ def ring_coefficients(
 ) -> tuple[tuple[float, ...], ...]:
     """Return the coefficients of w_r, w_z, chi, chi_z, m and what the strain lacks.
 
-    Each is a sum of ``rho^p cos(m theta)`` and ``rho^p sin(m theta)``, with the pairs of
-    :data:`POWERS_AND_ANGLES` and rho over R; shape (9, 2 pairs).
+    Each is a sum of ``rho^p cos(m theta)`` and ``rho^p sin(m theta)``, with the pairs
+    of :data:`POWERS_AND_ANGLES` and rho over R; shape (9, 2 pairs).
 
     Args:
         mode: "I" or "II".

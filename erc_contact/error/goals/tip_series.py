@@ -3,8 +3,8 @@
 Lengths are over the radius R of the ring of tips. Near the tip the body is nearly in
 plane strain, and the factor 1 of a mode is nearly the field u- of
 :mod:`erc_contact.error.goals.singular_strain`. What the ring adds are powers: with w =
-2 mu u, the place z = x + i y in the frame of the crack, and r = 1 + Re(conj(e) z), e the
-radial direction as a complex number,
+2 mu u, the place z = x + i y in the frame of the crack, and r = 1 + Re(conj(e) z), where
+e is the radial direction as a complex number,
 
     w = w_0 + w_1 + ...,    w_n ~ |z|^(n - 1/2),
 
@@ -12,8 +12,8 @@ each a sum of ``c z^a conj(z)^b``. Let D be the derivative by z, D* by conj(z), 
 
     Theta = s_xx + s_yy,    Phi = s_xx - s_yy + 2 i s_xy,    H = Re(conj(e) w)/r,
 
-H the strain in hoop direction times 2 mu. Hooke's law, with ``l = 2 nu/(1 - 2 nu)``, and
-equilibrium are
+H the strain in hoop direction times 2 mu. Hooke's law, with ``l = 2 nu/(1 - 2 nu)``,
+and equilibrium are
 
     Theta = 2 (1 + l) Re(D w) + l H,    Phi = 2 D* w,
     s_tt = l (Re(D w) + H/2) + H,
@@ -24,8 +24,8 @@ They are solved power by power: with the right side B of what is known,
     D* ((3 + l) D w + (1 + l) conj(D w)) = B - l D* H
 
 is integrated by conj(z), then by z. The faces stay free by ``- conj(psi)`` with ``psi =
-c z^(n - 1/2)``, a field in equilibrium: on both faces it asks for the same c, as one of a
-and b is an integer. So no power meets a logarithm.
+c z^(n - 1/2)``, a field in equilibrium: on both faces it asks for the same c, as a or b
+is an integer. So no power meets a logarithm.
 
 Source: Muskhelishvili, with the hoop terms; Leblond, Torlai (1992) for the powers of
 curved fronts. The recursion is ours.
@@ -34,6 +34,7 @@ curved fronts. The recursion is ours.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from math import pi, sqrt
 
 from erc_contact.error.goals.singular_strain import PSI_SHARES
@@ -148,50 +149,75 @@ def ring_fields(mode: str, nu: float, e: complex) -> RingFields:
         nu: Poisson's ratio [-].
         e: The radial direction in the frame of the crack, of size 1.
     """
-    l = 2 * nu / (1 - 2 * nu)
-    none = Series({})
+    w, stresses = _powers(mode, nu, e)
+    # M has r - 1 times the stress of the power before, too.
+    Thetas, Phis = [], []
+    for before, now in pairwise(stresses):
+        Thetas.append(now.Theta + before.Theta.times_x(e))
+        Phis.append(now.Phi + before.Phi.times_x(e))
+    Theta, Phi = _sum(Thetas), _sum(Phis)
+    chi, chi_z = _stress_function(Theta, Phi, e)
+    m, _, _ = _in_half_plane(Theta, Phi, e)
+    first = stresses[0]
+    tt = _sum([stress.tt for stress in stresses[:-1]])
+    M = _Stress(first.Theta + Theta, first.Phi + Phi, tt + tt.times_x(e))
+    of_ring = _sum(w[1:])
+    components = of_ring.along(e), of_ring.along(1j * e)
+    return RingFields(components, chi, chi_z, m, _lack(w[0] + of_ring, M, nu, e))
+
+
+@dataclass(frozen=True, eq=False)
+class _Stress:
+    """Hold Theta, Phi and the hoop component of a stress."""
+
+    Theta: Series
+    Phi: Series
+    tt: Series
+
+
+def _powers(mode: str, nu: float, e: complex) -> tuple[list[Series], list[_Stress]]:
+    """Return w_n and its stress for each n up to :data:`POWERS`."""
+    lame = 2 * nu / (1 - 2 * nu)
+    H = Series({})
     w = [plane_field(mode, 3 - 4 * nu)]
-    H = [none]
-    Theta, Phi, tt = ([part] for part in _stress(w[0], none, l))
+    stresses = [_stress(w[0], H, lame)]
     for n in range(1, POWERS + 1):
-        div = Theta[-1].D_bar() + Phi[-1].D()
-        of_hoop = HALF * (e * Theta[-1] + e.conjugate() * Phi[-1]) - e * tt[-1]
-        H.append(w[-1].along(e) - H[-1].times_x(e))
-        right = -1.0 * (div.times_x(e) + of_hoop) - l * H[n].D_bar()
+        known = stresses[-1]
+        divergence = known.Theta.D_bar() + known.Phi.D()
+        of_ring = HALF * (e * known.Theta + e.conjugate() * known.Phi) - e * known.tt
+        H = w[-1].along(e) - H.times_x(e)
+        right = -1.0 * (divergence.times_x(e) + of_ring) - lame * H.D_bar()
         both = right.integral_bar()
         real = both.real()
-        Dw = (1 / (4 + 2 * l)) * real + HALF * (both - real)
-        particular = Dw.integral()
-        # - conj(psi), which frees the faces.
+        slope = (1 / (4 + 2 * lame)) * real + HALF * (both - real)
+        particular = slope.integral()
+        stress = _stress(particular, H, lame)
+        # On the faces the traction is Theta - Phi, times i/2.
+        traction = (stress.Theta - stress.Phi).on_face().get(n - 1.5, 0.0)
         free = Series({(0.0, n - HALF): 1.0})
-        parts = _stress(particular, H[n], l)
-        traction = (parts[0] - parts[1]).on_face().get(n - 1.5, 0.0)
-        of_free = _stress(free, none, l)[1].on_face()[n - 1.5]
+        of_free = _stress(free, Series({}), lame).Phi.on_face()[n - 1.5]
         w.append(particular + traction / of_free * free)
-        for known, part in zip((Theta, Phi, tt), _stress(w[n], H[n], l), strict=True):
-            known.append(part)
-    whole, stress_tt = _sum(w), _sum(tt[:-1])
-    M = []
-    for stress in (Theta, Phi):
-        M.append([now + before.times_x(e) for before, now in zip(stress, stress[1:])])
-    more = [_sum(parts) for parts in M]
-    M_Theta, M_Phi = more[0] + Theta[0], more[1] + Phi[0]
-    r_tt = stress_tt + stress_tt.times_x(e)
-    volume, change = 2.0 * whole.D().real(), 2.0 * whole.D_bar()
-    pressed = nu / (1 + nu) * (M_Theta + r_tt)
-    lack_Theta = volume + volume.times_x(e) - M_Theta + 2.0 * pressed
-    lack_Phi = change + change.times_x(e) - M_Phi
-    lack_tt = whole.along(e) - (1 / (1 + nu)) * (r_tt - nu * M_Theta)
-    rr, rz, zz = _in_half_plane(lack_Theta, lack_Phi, e)
-    chi, chi_z = _stress_function(*more, e)
-    w_ring = _sum(w[1:])
-    return RingFields(
-        w=(w_ring.along(e), w_ring.along(1j * e)),
-        chi=chi,
-        chi_z=chi_z,
-        m=_in_half_plane(*more, e)[0],
-        lack=tuple(_cleaned(part) for part in (rr, rz, zz, lack_tt)),
-    )
+        stresses.append(_stress(w[n], H, lame))
+    return w, stresses
+
+
+def _stress(w: Series, H: Series, lame: float) -> _Stress:
+    """Return the stress of a displacement and its hoop strain; lame is l."""
+    half_volume = w.D().real()
+    Theta = 2 * (1 + lame) * half_volume + lame * H
+    tt = lame * half_volume + (1 + HALF * lame) * H
+    return _Stress(Theta, 2.0 * w.D_bar(), tt)
+
+
+def _lack(w: Series, M: _Stress, nu: float, e: complex) -> tuple[Series, Series, Series, Series]:
+    """Return :attr:`RingFields.lack` of a displacement and r times a stress."""
+    volume, change = 2.0 * w.D().real(), 2.0 * w.D_bar()
+    pressed = nu / (1 + nu) * (M.Theta + M.tt)
+    Theta = volume + volume.times_x(e) - M.Theta + 2.0 * pressed
+    Phi = change + change.times_x(e) - M.Phi
+    hoop = w.along(e) - (1 / (1 + nu)) * (M.tt - nu * M.Theta)
+    rr, rz, zz = _in_half_plane(Theta, Phi, e)
+    return _cleaned(rr), _cleaned(rz), _cleaned(zz), _cleaned(hoop)
 
 
 def plane_field(mode: str, kappa: float) -> Series:
@@ -210,14 +236,6 @@ def plane_field(mode: str, kappa: float) -> Series:
             (0.0, -HALF): -b.conjugate(),
         }
     )
-
-
-def _stress(w: Series, H: Series, l: float) -> tuple[Series, Series, Series]:
-    """Return Theta, Phi and s_tt of a displacement and its hoop strain."""
-    half_volume = w.D().real()
-    Theta = 2 * (1 + l) * half_volume + l * H
-    tt = l * half_volume + (1 + HALF * l) * H
-    return Theta, 2.0 * w.D_bar(), tt
 
 
 def _sum(parts: list[Series]) -> Series:
@@ -240,13 +258,13 @@ def _stress_function(Theta: Series, Phi: Series, e: complex) -> tuple[Series, Se
     force = HALF * (e_z * Theta + e_z.conjugate() * Phi)
     slope = -HALF * 1j * force
     chi = slope.integral_bar()
-    # Powers of z alone have no derivative by conj(z): chi is real, and has their mirror.
+    # Powers of z alone have no derivative by conj(z), but mirrors, as chi is real.
     powers = {(b, a): c.conjugate() for (a, b), c in chi.terms.items() if a == 0}
     return chi + Series(powers), 2.0 * slope.along(e_z)
 
 
 def _cleaned(lack: Series) -> Series:
-    """Return what a strain lacks without the powers that cancel, of which it has round-off."""
+    """Return what a strain lacks without the round-off of powers that cancel."""
     terms = {}
     for (a, b), c in lack.terms.items():
         if a + b > POWERS - 2:
