@@ -7,8 +7,11 @@
   the faces, pressure that grows with the radius; two degrees.
 - A crack round a bar has the factor of Benthem and Koiter.
 - A crack of a ring of large radius has the factor of plane strain.
-- Ranks agree; a radius that reaches the axis is refused.
+- A crack that bends has its factor within its last, straight piece, of each radius.
+- Ranks agree; a radius that reaches the axis or the bend is refused.
 """
+
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -138,25 +141,32 @@ def test_work_on_uniform_stresses(mode, number):
 
 
 def cracked(
-    low: tuple, high: tuple, root: tuple, tip: tuple, sizes: tuple, comm: MPI.Comm = COMM
+    low: tuple, high: tuple, places: list, sizes: tuple, comm: MPI.Comm = COMM
 ) -> ec.Domain:
-    """A rectangle of (r, z) with a crack; sizes of elements, and at the ends of the crack."""
-    root_at, tip_at = np.array(root), np.array(tip)
-    way = tip_at - root_at
-    far = 5 * np.linalg.norm(np.subtract(high, low)) / np.linalg.norm(way) * way
+    """A rectangle of (r, z) with a crack; sizes of elements, and at the ends of the crack.
+
+    The crack begins at the first place, may bend, and has its tip at the last place.
+    """
+    line = np.array(places)
+    size = 5 * np.linalg.norm(np.subtract(high, low))
+    first, last = (way / np.linalg.norm(way) for way in np.diff(line, axis=0)[[0, -1]])
+    line = np.vstack([line[0] - size * first, line, line[-1] + size * last])
+    # The line goes on through the body, so that the mesh has two regions.
+    line = line[np.argsort(line[:, 0])]
 
     def build(gmsh):
         model, occ = gmsh.model, gmsh.model.occ
         body = occ.addRectangle(*low, 0, *np.subtract(high, low))
-        ends = [occ.addPoint(*x, 0) for x in (root_at - far, root_at, tip_at, tip_at + far)]
-        lines = [occ.addLine(*ends[i : i + 2]) for i in range(3)]
-        _, parts = occ.fragment([(2, body)], [(1, line) for line in lines])
+        ends = [occ.addPoint(*x, 0) for x in line]
+        lines = [(1, occ.addLine(*pair)) for pair in pairwise(ends)]
+        _, parts = occ.fragment([(2, body)], lines)
+        on_crack = [part for pieces in parts[2:-1] for part in pieces]
         occ.synchronize()
         for _, tag in parts[0]:
-            x, y = np.array(occ.getCenterOfMass(2, tag)[:2]) - root_at
-            above = way[0] * y - way[1] * x > 0
+            x, y, _ = occ.getCenterOfMass(2, tag)
+            above = y > np.interp(x, *line.T)
             model.addPhysicalGroup(2, [tag], name="up" if above else "down")
-        model.addPhysicalGroup(1, [tag for _, tag in parts[2]], name="crack")
+        model.addPhysicalGroup(1, [tag for _, tag in on_crack], name="crack")
         for name, z in (("top", high[1]), ("bottom", low[1])):
             tags = []
             for _, tag in model.getEntities(1):
@@ -164,7 +174,7 @@ def cracked(
                     tags.append(tag)
             model.addPhysicalGroup(1, tags, name=name)
         gmsh.option.setNumber("Mesh.MeshSizeMax", sizes[0])
-        at_ends = model.getBoundary(parts[2], combined=False, oriented=False)
+        at_ends = model.getBoundary(on_crack, combined=False, oriented=False)
         model.mesh.setSize(at_ends, sizes[1])
 
     with session(comm, build, "The section") as model:
@@ -193,7 +203,7 @@ def test_penny_cracks(number):
     degree = 2 - number % 2
     size = 20 * a
     sizes = size / 10, a * rng.uniform(0.03, 0.1)
-    domain = cracked((0.0, -size), (size, size), (0.0, 0.0), (a, 0.0), sizes)
+    domain = cracked((0.0, -size), (size, size), [(0.0, 0.0), (a, 0.0)], sizes)
     scenes = [
         (pulled(nu), 2 * np.sqrt(a / np.pi)),
         (of_lips(nu, 1.0), 2 * np.sqrt(a / np.pi)),
@@ -222,7 +232,7 @@ def around_a_bar(share: float) -> float:
 @pytest.mark.parametrize("share", [0.4, 0.7])
 def test_crack_around_a_bar(share):
     """The crack points to the axis."""
-    domain = cracked((0.0, -3.0), (1.0, 3.0), (1.0, 0.0), (share, 0.0), (0.4, 0.02))
+    domain = cracked((0.0, -3.0), (1.0, 3.0), [(1.0, 0.0), (share, 0.0)], (0.4, 0.02))
     goal = ec.StressIntensity((share, 0.0), (-1.0, 0.0), radius=0.9 * min(share, 1 - share))
     found = ec.interval(certified(pulled(0.3), domain, degree=2), goal)
     exact = around_a_bar(share)
@@ -239,7 +249,7 @@ def test_large_rings_are_in_plane_strain(mode):
     found = []
     for R, hypothesis in ((0.0, "plane strain"), (1e4, "axisymmetric")):
         low, high, root, tip = ((R + x, y) for x, y in ((-1, -1), (1, 1), (-0.3, -0.2), (0.3, 0.2)))
-        domain = cracked(low, high, root, tip, (0.3, 0.04))
+        domain = cracked(low, high, [root, tip], (0.3, 0.04))
         goal = ec.StressIntensity(tip, (3.0, 2.0), radius=0.5, mode=mode)
         scene = of_lips(0.3, 1.0, hypothesis)
         found.append(ec.interval(certified(scene, domain, degree=2), goal))
@@ -252,7 +262,7 @@ def test_large_rings_are_in_plane_strain(mode):
 
 
 def penny_of(size: float, comm: MPI.Comm = COMM) -> ec.Domain:
-    return cracked((0.0, -3.0), (3.0, 3.0), (0.0, 0.0), (1.0, 0.0), (1.0, size), comm)
+    return cracked((0.0, -3.0), (3.0, 3.0), [(0.0, 0.0), (1.0, 0.0)], (1.0, size), comm)
 
 
 @pytest.mark.ranks
@@ -275,3 +285,16 @@ def test_a_penny_crack():
     assert found.low < 2 / np.sqrt(np.pi) < found.high
     with pytest.raises(ec.InputError, match="or its axis comes as near as 1"):
         ec.interval(error, ec.StressIntensity((1.0, 0.0), (1.0, 0.0), radius=1.1))
+
+
+def test_a_crack_that_bends():
+    places = [(-0.5, -0.2), (-0.1, 0.0), (0.3, 0.0)]
+    domain = cracked((-1.0, -1.0), (1.0, 1.0), places, (0.3, 0.03))
+    error = certified(of_lips(0.3, 1.0, "plane strain"), domain)
+    near, far = (ec.StressIntensity((0.3, 0.0), (1.0, 0.0), radius=r) for r in (0.2, 0.4))
+    first, second = (ec.interval(error, goal) for goal in (near, far))
+    assert first.guaranteed
+    assert second.guaranteed
+    assert max(first.low, second.low) < min(first.high, second.high)
+    with pytest.raises(ec.InputError, match=r"comes as near as 0\.4 .* that bends is straight"):
+        ec.interval(error, ec.StressIntensity((0.3, 0.0), (1.0, 0.0), radius=0.5))

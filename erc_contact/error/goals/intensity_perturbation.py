@@ -190,8 +190,9 @@ def _check_crack(model: Model, goal: StressIntensity, frame: _Frame) -> None:
         or_axis = " or its axis" if space.axisymmetric else ""
         raise InputError(
             f"{goal!r}: the boundary of the body{or_axis} comes as near as {room:.3g} to the tip,"
-            " where it is not the line of the crack; give a smaller radius, or the place of the tip"
-            " and the direction in which the crack points."
+            " where it is not the line of the crack. Give a radius up to that, within which a crack"
+            " that bends is straight, or the place of the tip and the direction in which the crack"
+            " points."
         )
     # The part of each facet within the radius; both faces have facets of their own.
     back = np.clip(-frame.at(corners[on_faces])[..., 0], 0, goal.radius)

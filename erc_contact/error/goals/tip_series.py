@@ -3,8 +3,8 @@
 Lengths are over the radius R of the ring of tips. Near the tip the body is nearly in
 plane strain, and the factor 1 of a mode is nearly the field u- of
 :mod:`erc_contact.error.goals.singular_strain`. What the ring adds are powers: with w =
-2 mu u, the place z = x + i y in the frame of the crack, and r = 1 + Re(conj(e) z), where
-e is the radial direction as a complex number,
+2 mu u, the place z = x + i y in the frame of the crack, the radial direction e as a
+complex number, and r = 1 + Re(conj(e) z),
 
     w = w_0 + w_1 + ...,    w_n ~ |z|^(n - 1/2),
 
