@@ -85,7 +85,8 @@ def plate(crack: Crack, size: float) -> ec.Domain:
         square = occ.addRectangle(crack.middle - 1, -1, 0, 2, 2)
         before, beyond = crack.places[1] - crack.places[0], crack.way
         first, last = crack.places[0] - 20 * before, crack.places[-1] + 20 * beyond
-        line = np.vstack([first, crack.places, last]) + [[crack.middle, 0.0]]
+        line = np.vstack([first, crack.places, last])
+        line[:, 0] += crack.middle
         points = [occ.addPoint(*place, 0) for place in line]
         lines = [(1, occ.addLine(*ends)) for ends in pairwise(points)]
         _, parts = occ.fragment([(2, square)], lines)
