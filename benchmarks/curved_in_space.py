@@ -53,7 +53,10 @@ def parts_of(gmsh: Any, dim: int, inside: Depth) -> dict[str, list[int]]:
 
 
 def sphere(a: float, size: float, dim: int) -> ec.Domain:
-    """Mesh an eighth of a spherical shell of radii a and 1, or its section; a ball if a is 0."""
+    """Mesh an eighth of a spherical shell of radii a and 1, or its section.
+
+    If a is 0 it is a ball.
+    """
 
     def build(gmsh: Any) -> dict[str, list[int]]:
         occ = gmsh.model.occ
@@ -132,7 +135,7 @@ def _raised(
 def random_case(
     random: Generator, number: int
 ) -> tuple[str, ec.Scene, ec.Scene, Callable[[float, int], ec.Domain], float]:
-    """Return the name of a body, its scenes in 3D and in the plane, its mesh, its share.
+    """Return a body: its name, scenes in 3D and in the plane, mesh and share.
 
     The share is the energy in 3D over the energy of the section.
     """
@@ -147,7 +150,7 @@ def random_case(
     walls = ec.Symmetry("top")
 
     def walled(load: Any) -> ec.Scene:
-        held = [*(ec.Symmetry(name) for name in "xyz"), walls]
+        held: list[Any] = [*(ec.Symmetry(name) for name in "xyz"), walls]
         return ec.Scene(in_plane.material, held, loads=load)
 
     whole = scene(inside, planes="xyz")

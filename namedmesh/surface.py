@@ -259,7 +259,7 @@ class Slivers:
     Attributes:
         sides: Facets as (cell, local facet), shape (n, 2).
         volumes: ``int_F o.n`` [length^d], shape (n,).
-        points: Points of a rule on the reference facet, shape (q, d-1).
+        points: Points of a rule on the facets [length], shape (n, q, d).
         weights: Their weights times the areas of the facets [length^(d-1)], (n, q).
         heights: The heights there [length], shape (n, q).
         depths: Greatest difference of two heights of nodes [length], shape (n,). On a
@@ -286,7 +286,8 @@ def slivers(offset: fem.Function, sides: np.ndarray) -> Slivers:
     d = W.mesh.topology.dim
     corners = geometry.x[cell_nodes(geometry)[sides[:, 0]], :d]
     normals = outward_normals(corners, sides[:, 1])
-    areas = measures(of_facets(corners, sides[:, 1]))
+    ends = of_facets(corners, sides[:, 1])
+    areas = measures(ends)
     points, weights = rule(d - 1, 4)
     nodes = W.dofmap.list[sides[:, :1], _facet_closures(W)[sides[:, 1]]]
     nodal = np.einsum("nmi,ni->nm", offset.x.array.reshape(-1, d)[nodes], normals)
@@ -295,7 +296,7 @@ def slivers(offset: fem.Function, sides: np.ndarray) -> Slivers:
     return Slivers(
         sides=sides,
         volumes=(of_points * heights).sum(axis=1),
-        points=points,
+        points=np.matmul(lagrange(d - 1, 1, points), ends),
         weights=of_points,
         heights=heights,
         depths=np.ptp(nodal, axis=1),

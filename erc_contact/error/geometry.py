@@ -21,16 +21,11 @@ from erc_contact.model.data.expressions import function_at
 from erc_contact.model.model import Model
 from namedmesh.base.ranks import distinct_rows
 from namedmesh.for_solvers import Slivers, sides_of_facets, slivers, tag_table
-from namedmesh.simplex import barycentric, inverses
+from namedmesh.simplex import inverses
 
 FIRST_ORDER = 1.2
 """Factor of the signed term, to err to the safe side [-]."""
-UNKNOWN = {2: 0.03, 3: 0.06}
-"""Share of the parts of the signed term that may not cancel, by dimension [-].
-
-They have as many digits as the stress of the cells.
-"""
-SECOND_ORDER = {2: 14.0, 3: 5.5}
+SECOND_ORDER = {2: 16.0, 3: 6.0}
 """Factor of the energy that the kinks between facets release, by dimension [-].
 
 A surface whose height varies with the wave length h turns the normal by its slope o'.
@@ -87,8 +82,7 @@ def geometry_squares(admissible: Admissible, of_sum: np.ndarray) -> np.ndarray:
     surface = _Surface(admissible, slivers(domain.offset, sides))
     marks = tag_table(domain.curved_facets)[surface.numbers]
     first = surface.first_order(energies.x.array)
-    second = surface.second_order() + UNKNOWN[space.d] * abs(first)
-    shares = _released(space.comm, first, second, marks)
+    shares = _released(space.comm, first, surface.second_order(), marks)
     np.add.at(result, sides[:, 0], 2 * shares)
     return result
 
@@ -134,7 +128,7 @@ class _Surface:
         self._inside = beyond != cell
         # A facet between two cells is a side of both.
         self._share = np.where(self._inside, 0.5, 1.0)
-        self._x = np.matmul(barycentric(between.points), space.facet_corners(sides))
+        self._x = between.points
         size = len(space.section.basis[0])
         self._normals = np.zeros((len(sides), size))
         self._normals[:, : space.d] = space.outward_normals(sides)
