@@ -15,10 +15,11 @@ READ = ("last meshes", "two runs")
 INTRODUCTION = """\
 # Reference values
 
-Numbers of classical contact problems, each in an interval, for the test suites of other codes:
-{count} cases. Small displacements, linear elasticity, displacements of degree 2 on adapted
-meshes. The file {{download}}`reference_values.json` has all digits. Both are made by one script,
-which goes on where it was ended:
+Numbers of classical problems, most of them of contact, each in an interval, for the test suites
+of other codes: {count} cases. Small displacements, displacements of degree 2 on adapted meshes,
+linear elasticity where a case does not say otherwise. The file
+{{download}}`reference_values.json` has all digits. Both are made by one script, which goes on
+where it was ended:
 
 ```console
 OMP_NUM_THREADS=1 python benchmarks/reference_values.py
@@ -60,6 +61,8 @@ SOURCES = """\
   digits. Elements of degree 4 to 7: own code, with mesh lines on the rims of contact and
   stick zone; a second code of our own, of bilinear elements, agrees where both were run. The
   closed forms of tubes, shells, spinning and heated cylinders are Lame's.
+- Integration along the radius: own solution of the ordinary differential equations of a tube,
+  by a Runge-Kutta method. S. G. Lekhnitskii, Anisotropic Plates, 1968.
 - SSNV104: code_aster, V6.04.104, validation manual. Its force, 586 081, is Hertz's for
   half-spaces with the approach of the hemispheres; the force of the hemispheres is 12.6%
   higher. SSNA102 is of the same manual; its contact follows the geometry on coarse triangles.

@@ -25,6 +25,7 @@ import erc_contact  # noqa: F401 - before numpy, it loads MPI
 import reference_bodies as bodies  # isort: skip
 import reference_cases as cases  # isort: skip
 import reference_cracks as cracks  # isort: skip
+import reference_laws as laws  # isort: skip
 import reference_punches as punches  # isort: skip
 import reference_turned as turned  # isort: skip
 import reference_turned_contacts as edges  # isort: skip
@@ -82,6 +83,10 @@ CASES: dict[str, Callable[[], Result]] = {
         edges.two_hemispheres,
         edges.balls_between_pads,
         cracks.penny_crack,
+        laws.yielding_tube,
+        laws.heated_tube,
+        laws.orthotropic_tube,
+        laws.bars_pulled_from_beside,
     )
 }
 

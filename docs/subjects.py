@@ -8,7 +8,7 @@ SUBJECTS = {
         "receding parabolic_layers platens press_fit punch brake crack masonry wood"
     ),
     "Rings": "o_ring ball_on_layer turned_bolt turned_press_fit",
-    "CAD and bolted assemblies": "part clamp flange_from_cad as1 bolt flange",
+    "CAD and bolted assemblies": "part clamp flange_from_cad as1 bolt flange bracket",
     "Loading histories": "hysteresis cattaneo_mindlin around thermostat",
     "Plasticity": "plastic_layer lug imprint autofrettage",
     "Numbers": "force_bounds run_time paper greco incompressible many_solutions",

@@ -15,10 +15,12 @@ from namedmesh import parts
 from namedmesh.base.exceptions import InputError
 from namedmesh.base.html import in_columns, table
 from namedmesh.base.names import first_names
+from namedmesh.base.releases import cell_nodes
 from namedmesh.interface_map import Interface, InterfaceMap
 from namedmesh.named import NamedMesh
 from namedmesh.sides import facets_of_cells
-from namedmesh.surface import area_ratio, offset, on_surface
+from namedmesh.simplex import facet_vertices
+from namedmesh.surface import area_ratio, offset, on_surface, sides_of_facets
 from namedmesh.tags import tag_table
 
 
@@ -169,38 +171,57 @@ class Bodies(NamedMesh):
         numbers = facets_of_cells(self.mesh)[sides[:, 0], sides[:, 1]]
         return np.asarray(tag_table(self.curved_facets)[numbers])
 
-    def true_normals(self, facets: np.ndarray, places: np.ndarray) -> np.ndarray:
+    def true_normals(self, facets: np.ndarray, vertices: np.ndarray) -> np.ndarray:
         """Return normals of the true surface at vertices of facets [-]; collective.
-
-        gmsh is asked once for the facets of a part.
 
         Args:
             facets: Facets (cell, local facet), shape (n, 2).
-            places: The places of their vertices on the true surface [length], shape (n,
-                d, d). From a rim that lies beside it, gmsh finds no way back.
+            vertices: Their vertices in their cells, 0 to d, shape (n, d).
 
         Returns:
             Unit normals, their signs open, nan where they are not known, (n, d, d).
         """
-        key = facets.tobytes()
-        is_known = self.comm.allreduce(key in self._true_normals, MPI.LAND)
-        if not is_known:
-            self._true_normals[key] = self._find_true_normals(facets, places)
-        return self._true_normals[key]
+        d = self.dim
+        result = np.full((*vertices.shape, d), np.nan)
+        sides, normals = self._true_normals
+        if len(sides):
+            numbers, wanted = (of @ (d + 1, 1) for of in (sides, facets))
+            row = np.minimum(np.searchsorted(numbers, wanted), len(numbers) - 1)
+            found = numbers[row] == wanted
+            result[found] = normals[row[found, None], vertices[found]]
+        return result
 
     @cached_property
-    def _true_normals(self) -> dict[bytes, np.ndarray]:
-        """Keep what :meth:`true_normals` has found."""
-        return {}
+    def _true_normals(self) -> tuple[np.ndarray, np.ndarray]:
+        """Find the normals of all curved sides at their vertices; collective.
 
-    def _find_true_normals(self, facets: np.ndarray, places: np.ndarray) -> np.ndarray:
-        """Ask the true shape for normals, see :meth:`true_normals`; collective."""
+        gmsh is asked once for all of them: it reads the drawing each time. It is asked
+        at the places of the vertices on the true surface, because from a rim that lies
+        beside it, it finds no way back.
+
+        Returns:
+            The sides (cell, local facet) in increasing order, shape (n, 2), and unit
+            normals at the vertices of their cells, nan opposite the side, shape (n,
+            d+1, d).
+        """
         d = self.dim
-        if self.curved_facets is None or self.geometry is None:
-            return np.full(places.shape, np.nan)
-        of_corners = np.repeat(self._marks_of(facets), d)
-        normals = self.geometry.normals(self.comm, places.reshape(-1, d), of_corners)
-        return normals.reshape(places.shape)
+        if self.offset is None or self.curved_facets is None or self.geometry is None:
+            return np.empty((0, 2), dtype=np.int64), np.empty((0, d + 1, d))
+        sides = sides_of_facets(self.mesh, self.curved_facets.indices)
+        sides = sides[self.are_curved(sides)]
+        cells, local = sides.T
+        vertices = facet_vertices(d)[local]
+        nodes = cell_nodes(self.mesh.geometry)[cells[:, None], vertices]
+        nodes_of_offset = self.offset.function_space.dofmap.list[cells[:, None], vertices]
+        moves = self.offset.x.array.reshape(-1, d)[nodes_of_offset]
+        places = self.mesh.geometry.x[nodes, :d] + moves
+        # Most vertices are vertices of several sides of the same surface.
+        pairs = np.column_stack([nodes.ravel(), np.repeat(self._marks_of(sides), d)])
+        pairs, first, pair = np.unique(pairs, axis=0, return_index=True, return_inverse=True)
+        found = self.geometry.normals(self.comm, places.reshape(-1, d)[first], pairs[:, 1])
+        normals = np.full((len(sides), d + 1, d), np.nan)
+        normals[np.arange(len(sides))[:, None], vertices] = found[pair.reshape(nodes.shape)]
+        return sides, normals
 
     @property
     def marks_of_sides(self) -> np.ndarray | None:

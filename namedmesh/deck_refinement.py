@@ -17,7 +17,6 @@ import numpy as np
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from scipy import sparse  # type: ignore[import-untyped]
-from scipy.spatial import cKDTree  # type: ignore[import-untyped]
 
 from namedmesh.base.releases import cell_nodes
 from namedmesh.deck_mesh import DeckMesh
@@ -149,6 +148,8 @@ def refined_deck_mesh(
     Returns:
         The mesh; None if it has more cells.
     """
+    from scipy.spatial import cKDTree  # type: ignore[import-untyped]  # noqa: PLC0415 - for decks only
+
     simplices = deck.simplicial
     used, rows = np.unique(simplices.cells, return_inverse=True)
     corners = rows.reshape(simplices.cells.shape)

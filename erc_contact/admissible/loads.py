@@ -57,6 +57,7 @@ def traction_moments(space: Space, facets: np.ndarray, traction: Ufl) -> np.ndar
         space.facet_corners(facets),
         area,
         facet_pieces(d - 1),
+        of_vector=True,
         cuts=kinks_on_facets(space, [traction], facets),
     )
     of_facets = total.value.reshape(len(facets), len(space.facet_points), d)
@@ -87,7 +88,9 @@ def cell_forces(model: Model, cells: CellGeometry) -> np.ndarray | None:
 
     # All ranks have DOLFINx's order of the vertices, and so the same integration points
     # and forces of a cell. Only then the vertices are sorted.
-    total = integrate(space.comm, moments, space.cell_corners(), cells.volume, cell_pieces(d))
+    corners = space.cell_corners()
+    pieces = cell_pieces(d)
+    total = integrate(space.comm, moments, corners, cells.volume, pieces, of_vector=True)
     means = total.value.reshape(len(of_cells), len(nodes(d, k - 1)), d)
     forces = from_means(d, k - 1, space.section.carried(means))
     if k == 1:

@@ -69,7 +69,7 @@ import numpy as np
 from erc_contact.base.exceptions import InputError
 from erc_contact.error.bolts import work_on_jumps
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.error.fenchel import UNKNOWN_SHARE
+from erc_contact.error.laws import UNKNOWN_SHARE
 from erc_contact.error.lifting import lifting
 from erc_contact.error.load_work import load_work
 from erc_contact.error.numbers import ROUND_OFF, Bounds

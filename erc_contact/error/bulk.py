@@ -5,6 +5,8 @@ Source: Coorevits, Hild, Hjiaj, equations (16)-(18).
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 from mpi4py import MPI
 
@@ -13,24 +15,29 @@ from erc_contact.admissible.kernels import kernels
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.springs import spring_squares
-from erc_contact.error.laws import LawError
-from erc_contact.error.oscillation import DATA_ROUND_OFF, UNKNOWN_SHARE
+from erc_contact.error.laws import UNKNOWN_SHARE, LawError
+from erc_contact.error.oscillation import DATA_ROUND_OFF
 from erc_contact.error.rings import is_rational, squares_of_rings
-from erc_contact.model.data.quadrature import cell_pieces, integrate
+from erc_contact.model.data.quadrature import Integral, Integrand, cell_pieces, integrate
+from erc_contact.model.model import Model
 from namedmesh.simplex import bernstein
 
 
-def body_error(admissible: Admissible) -> LawError:
+def body_error(admissible: Admissible, share: float = UNKNOWN_SHARE) -> LawError:
     """Measure how far sigma^ and u^ are from Hooke's law on each cell; collective.
 
     ``gap`` is the square of ``sigma^ - C eps(u^)``, ``of_sum`` the square of ``sigma^ +
     C eps(u^)``; eps is the strain without the given strain. If the moduli or the given
     strain vary inside cells, the gap contains what its integral leaves unknown.
+
+    Args:
+        admissible: The pair.
+        share: Share of the gap that may stay unknown [-].
     """
     model = admissible.model
     space = model.space
     if model.constitution.varies_in_cells:
-        return _adapted_squares(admissible)
+        return _adapted_squares(admissible, share)
     cells = admissible.cell_geometry
     owned = model.domain.owned_cells
     shape, points, weights = macro_points(space.d, space.degree)
@@ -54,19 +61,67 @@ def spring_error(admissible: Admissible) -> LawError:
     return LawError(gap, of_sum)
 
 
-def _adapted_squares(admissible: Admissible) -> LawError:
+def is_adapted(model: Model) -> bool:
+    """Tell whether the squares of a body are integrals that are adapted to its data."""
+    return model.constitution.varies_in_cells and not is_rational(model)
+
+
+def adapted_gaps(
+    pairs: Sequence[Admissible],
+    combined: Callable[..., np.ndarray],
+    share: float,
+    floor: np.ndarray,
+) -> Integral:
+    """Integrate functions of the gaps of pairs over owned cells; collective.
+
+    The pairs have one mesh, and are combined point by point: what they have in common
+    cancels before it is integrated.
+
+    Args:
+        pairs: The pairs.
+        combined: Returns the i functions, shape (n, q, i), of the densities of the gaps
+            of all pairs, shape (n, q) each.
+        share: Share of an integral that may stay unknown [-].
+        floor: Amounts that may always stay unknown [force length], shape (i,).
+    """
+    squares = [_squares(pair, _strains(pair)) for pair in pairs]
+    space = pairs[0].model.space
+    cells = pairs[0].cell_geometry
+    owned = space.domain.owned_cells
+
+    def densities(cell: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        return combined(*(of_pair(cell, places, x)[..., 0] for of_pair in squares))
+
+    geometry = (cells.corners[:owned], cells.volume[:owned], cell_pieces(space.d))
+    return integrate(space.comm, densities, *geometry, share=share, floor=floor)
+
+
+def _strains(admissible: Admissible) -> CellStrains:
+    """Return the strains of u^."""
+    space = admissible.model.space
+    return CellStrains.of(space, admissible.cell_geometry, admissible.displacement)
+
+
+def _squares(admissible: Admissible, strain: CellStrains) -> Integrand:
+    """Return the densities of gap and sum of a pair, as :func:`body_error` has them."""
+    law = admissible.model.constitution
+    of_cells = admissible.model.space.owned_cells
+
+    def squares(cell: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
+        sigma = admissible.stress_at(cell, places, x)
+        return law.squares(strain.at(cell, places, x), sigma, x, of_cells[cell])
+
+    return squares
+
+
+def _adapted_squares(admissible: Admissible, share: float) -> LawError:
     """Compute the result of :func:`body_error` for data that vary; collective."""
     model = admissible.model
     space = model.space
     cells = admissible.cell_geometry
     owned = model.domain.owned_cells
-    of_cells = space.owned_cells
-    strain = CellStrains.of(space, cells, admissible.displacement)
-
-    def squares(cell: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
-        sigma = admissible.stress_at(cell, places, x)
-        return model.constitution.squares(strain.at(cell, places, x), sigma, x, of_cells[cell])
-
+    strain = _strains(admissible)
+    squares = _squares(admissible, strain)
     corners = cells.corners[:owned]
     volume = cells.volume[:owned]
     value, bound = np.zeros((2, owned, 2))
@@ -85,7 +140,7 @@ def _adapted_squares(admissible: Admissible) -> LawError:
         corners,
         np.where(is_done, 0.0, volume),
         cell_pieces(space.d),
-        share=UNKNOWN_SHARE,
+        share=share,
         floor=floor,
     )
     unknown = 0.0 if total.resolved.all() else float(total.bound.max(axis=1).sum())

@@ -21,14 +21,12 @@ from erc_contact.admissible.elastic import CellStrains
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
 from erc_contact.error.hidden import hidden_by_data
-from erc_contact.error.laws import LawError
+from erc_contact.error.laws import UNKNOWN_SHARE, LawError
 from erc_contact.model.data.quadrature import INSET, cell_pieces, integrate
 from erc_contact.model.law.point_law import PointLaw
 from erc_contact.model.law.potential import ConvexConstitution
 from namedmesh.simplex import barycentric, nodes
 
-UNKNOWN_SHARE = 1e-3
-"""Share of e^2 that the integrals may leave unknown [-]; e^2 contains it."""
 ROUND_OFF = 1e-15
 """Error of a gap, a difference of energies, over these energies [-]."""
 SAME = 1e-13

@@ -17,6 +17,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+UNKNOWN_SHARE = 1e-3
+"""Share of a gap that its integral may leave unknown [-]; e^2 contains it."""
+
 
 class LawError(NamedTuple):
     """Hold how far a pair is from a law, on the cells that this rank owns.

@@ -129,7 +129,8 @@ def _surface_work(space: Space, part: str, density: Ufl, v: fem.Function) -> Bou
     on_facets = np.matmul(coefficients(d - 1, k), nodal[space.facet_nodes(facets)])
     work = _products(space.everywhere(density), facets, on_facets, k)
     corners = space.facet_corners(facets)
-    integral = integrate(space.comm, work, corners, area, facet_pieces(d - 1))
+    pieces = facet_pieces(d - 1)
+    integral = integrate(space.comm, work, corners, area, pieces, of_vector=True)
     return BoundedNumber.summed(space.comm, integral)
 
 
@@ -143,7 +144,8 @@ def _body_work(space: Space, force: Ufl, v: fem.Function) -> BoundedNumber:
     work = _products(space.everywhere(force), space.owned_cells, in_cells, k)
     corners = cells.corners[:owned]
     volume = cells.volume[:owned]
-    integral = integrate(space.comm, work, corners, volume, cell_pieces(d))
+    pieces = cell_pieces(d)
+    integral = integrate(space.comm, work, corners, volume, pieces, of_vector=True)
     return BoundedNumber.summed(space.comm, integral)
 
 

@@ -32,8 +32,17 @@ from erc_contact.model.space import Space
 from namedmesh.simplex import mass
 
 
-def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> BoundedNumber:
-    """Compute ``a(v, w)``, with the springs [force length]; collective."""
+def elastic_work(
+    pair: Admissible, v: fem.Function, w: fem.Function, floor: float = 0.0
+) -> BoundedNumber:
+    """Compute ``a(v, w)``, with the springs [force length]; collective.
+
+    Args:
+        pair: The pair whose law is meant.
+        v: A displacement [length].
+        w: A displacement [length].
+        floor: What may always stay unknown where moduli vary [force length].
+    """
     model = pair.model
     space = model.space
     cells = pair.cell_geometry
@@ -54,7 +63,7 @@ def elastic_work(pair: Admissible, v: fem.Function, w: fem.Function) -> BoundedN
     def stress_at(entity: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
         return law.stress_change(strain_v.at(entity, places, x), x, numbers[entity])
 
-    return _over_cells(pair, stress_at, strain_w.at) + of_springs
+    return _over_cells(pair, stress_at, strain_w.at, floor) + of_springs
 
 
 def spring_energy(model: Model, u: fem.Function) -> BoundedNumber:
@@ -105,7 +114,7 @@ def strain_energy(pair: Admissible, u: fem.Function, floor: float = 0.0) -> Boun
     Args:
         pair: The pair.
         u: The displacement [length].
-        floor: What may always stay unknown of the integral of psi [force length].
+        floor: What each of its integrals may always leave unknown [force length].
     """
     model = pair.model
     of_cells = model.space.owned_cells
@@ -128,7 +137,7 @@ def strain_energy(pair: Admissible, u: fem.Function, floor: float = 0.0) -> Boun
 
         hidden = hidden_by_data(law, of_cells, of_law)
         return _over_cells(pair, energy_at, once, floor, hidden) + 0.5 * _spring_work(model, u, u)
-    energy = 0.5 * elastic_work(pair, u, u)
+    energy = 0.5 * elastic_work(pair, u, u, floor)
     given = model.strains
     if given is None:
         return energy
@@ -140,7 +149,8 @@ def strain_energy(pair: Admissible, u: fem.Function, floor: float = 0.0) -> Boun
         strain = strain_at(entity, places, x)
         return model.constitution.stress_change(strain, x, of_cells[entity])
 
-    return energy - strain_work(pair, u) + 0.5 * _over_cells(pair, stress_at, strain_at)
+    of_given = 0.5 * _over_cells(pair, stress_at, strain_at, floor)
+    return energy - strain_work(pair, u, floor) + of_given
 
 
 def _over_cells(

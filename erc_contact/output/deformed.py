@@ -21,6 +21,7 @@ import numpy as np
 
 from erc_contact.admissible.pair import Admissible
 from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.runs import Run, error_of
 from erc_contact.model.stress import tells_out_of_plane
 from erc_contact.output.apart import greatest_gap, greatest_share, pairs_of, shifts
 from erc_contact.output.drawing import only_turned, weighted_level
@@ -80,7 +81,7 @@ A singular corner would else take all colours.
 
 
 def draw_deformed(
-    error: ConstitutiveError,
+    error: ConstitutiveError | Run,
     path: str | Path | None = None,
     factor: float | None = None,
     *,
@@ -109,7 +110,7 @@ def draw_deformed(
     in plane counts.
 
     Args:
-        error: The error, whose admissible pair is drawn.
+        error: The error whose admissible pair is drawn, or a history.
         path: Picture file, or None.
         factor: Magnification of u^ [-]. By default the largest u^ is drawn with 6% of
             the body's size, or with less if otherwise a closed contact would look open
@@ -133,6 +134,7 @@ def draw_deformed(
         InputError: If the distance is not > 0, the stress is another one, axes are
             given in 3D, or a body is to be mirrored that is not axisymmetric.
     """
+    error = error_of(error)
     admissible = error.admissible
     model = error.model
     space = model.space
@@ -187,7 +189,11 @@ def draw_deformed(
 
 
 def draw_near(
-    error: ConstitutiveError, contact: str, path: str | Path | None = None, *, ax: Any = None
+    error: ConstitutiveError | Run,
+    contact: str,
+    path: str | Path | None = None,
+    *,
+    ax: Any = None,
 ) -> Any:
     """Draw the deformed body near a contact, in the plane; collective.
 
@@ -197,7 +203,7 @@ def draw_near(
     looks closed, and an imprint is seen below the ball that made it.
 
     Args:
-        error: The error, whose admissible pair is drawn.
+        error: The error whose admissible pair is drawn, or a history.
         contact: Name of the contact.
         path: Picture file, or None.
         ax: Axes of matplotlib to draw on; by default of a new figure.
@@ -209,6 +215,7 @@ def draw_near(
         InputError: If no contact has this name, or nothing is closed or has yielded in
             a small part of a body in the plane.
     """
+    error = error_of(error)
     window = window_near("draw_near", error, contact)
     assert window is not None
     body, gathered_contacts = whole_body(error.admissible)

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.runs import Run, error_of
 from erc_contact.output.files import PARTS, save_grid
 from erc_contact.output.gathered import WholeContact, body_nodes, nodal_displacement, whole_contact
 from erc_contact.results.states import state, states_of
@@ -29,7 +30,7 @@ from namedmesh.pictures import grid_of, on_root, subdivide
 from namedmesh.simplex import bernstein, lagrange, nodes
 
 
-def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
+def write_fields(error: ConstitutiveError | Run, folder: str | Path) -> None:
     """Write the fields for ParaView as VTKHDF files; collective.
 
     ``body.vtkhdf`` has at the nodes
@@ -77,12 +78,13 @@ def write_fields(error: ConstitutiveError, folder: str | Path) -> None:
     lines not at all. Its integral of ``mean_traction`` is exactly the contact force.
 
     Args:
-        error: The error, with its admissible pair.
+        error: The error with its admissible pair, or a history.
         folder: Folder of the files, which is made if it is missing.
 
     Raises:
         OSError: If a file cannot be written.
     """
+    error = error_of(error)
     admissible = error.admissible
     space = error.model.space
     body = gather_rows(space.comm, **body_nodes(space), displacement=nodal_displacement(admissible))

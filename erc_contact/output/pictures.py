@@ -14,6 +14,7 @@ import numpy as np
 
 from erc_contact.admissible.pair import Admissible, pair_of
 from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.runs import Run, error_of
 from erc_contact.output.drawing import only_turned
 from erc_contact.output.gallery import Gallery
 from erc_contact.output.gathered import letters_of, upward
@@ -26,7 +27,7 @@ from namedmesh.pictures import body_mesh, draw_figure, only_in_2d, skin_of, view
 
 
 def draw_error(
-    error: ConstitutiveError,
+    error: ConstitutiveError | Run,
     path: str | Path | None = None,
     *,
     near: str | None = None,
@@ -38,7 +39,7 @@ def draw_error(
     It is eps_E in percent; the squares of all elements sum to the square of eps.
 
     Args:
-        error: The error, whose ``indicators`` are drawn.
+        error: The error whose ``indicators`` are drawn, or a history.
         path: Picture file, or None.
         near: Name of a contact, in the plane: the picture shows what is closed and what
             has yielded there, with three quarters as much beside it; None for all.
@@ -52,6 +53,7 @@ def draw_error(
         InputError: If axes are given in 3D, a body is to be mirrored that is not
             axisymmetric, or nothing is closed in a small part of a body in the plane.
     """
+    error = error_of(error)
     window = window_near("draw_error", error, near)
     if mirrored:
         only_turned("draw_error: mirrored", error.model.space)

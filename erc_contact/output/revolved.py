@@ -17,6 +17,7 @@ import numpy as np
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.runs import Run, error_of
 from erc_contact.model.meridian import ON_AXIS
 from erc_contact.output.deformed import (
     gather_mises,
@@ -48,7 +49,7 @@ FILE = ".vtkhdf"
 
 
 def draw_revolved(
-    error: ConstitutiveError,
+    error: ConstitutiveError | Run,
     path: str | Path | None = None,
     angle: float = 270.0,
     factor: float | None = None,
@@ -60,7 +61,7 @@ def draw_revolved(
     :func:`draw_deformed`.
 
     Args:
-        error: The error, whose admissible pair is drawn.
+        error: The error whose admissible pair is drawn, or a history.
         path: Picture file, or None. With the suffix ``.vtkhdf`` it is a file for
             ParaView instead: the surface before the deformation, with ``displacement``
             [length] at the points and ``von_mises`` [force/area] on the triangles.
@@ -74,6 +75,7 @@ def draw_revolved(
     Raises:
         InputError: If the body is not axisymmetric, or the angle is not in (0, 360].
     """
+    error = error_of(error)
     space = error.model.space
     only_turned("draw_revolved", space)
     if not 0.0 < angle <= 360.0:

@@ -300,6 +300,18 @@ def test_what_the_mesh_represents_stays_guaranteed(degree):
     assert ec.resultant(error, "bottom", (1.0, 0.0)).guaranteed
 
 
+@pytest.mark.parametrize("degree", mostly_serial([1, 2], [2]))
+def test_heat_in_space_stays_guaranteed(degree):
+    """A strain of heat that is linear, or smooth, is resolved in tetrahedra, too."""
+    body = ec.box((0.0, 0.0, 0.0), (2.0, 1.0, 1.0), cells=(2, 1, 1))
+    heat = ec.ThermalStrain(1e-3, lambda x: 5.0 * ufl.exp(-x[0]) + x[1])
+    held = ec.Displacement("left", (0.0, 0.0, 0.0))
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), held, contacts=ec.Contact("bottom"), strains=heat)
+    error = measured(scene, body, degree=degree)
+    assert error.oscillations == ec.Oscillations()
+    assert ec.potential_energy(error).guaranteed
+
+
 @pytest.mark.ranks
 @pytest.mark.parametrize("degree", [2])
 def test_rank_independence(degree):

@@ -87,6 +87,27 @@ def test_jumps_in_cells_are_told(d, place):
 
 
 @pytest.mark.serial
+@pytest.mark.parametrize("d", [1, 2, 3])
+def test_squares_of_quadratic_fields_need_no_bisection(d):
+    """Degree 4: the points determine it, so that nothing is unknown of it."""
+    rng = np.random.default_rng(d)
+    calls = []
+
+    def square(of, at, x):
+        calls.append(len(of))
+        monomials = np.concatenate([np.ones_like(x[..., :1]), x, x**2], axis=-1)
+        return (monomials @ weights)[..., None] ** 2
+
+    weights = rng.normal(size=2 * d + 1)
+    vertices = np.vstack([np.zeros(d), np.eye(d)])[None]
+    pieces = facet_pieces(1) if d == 1 else cell_pieces(d)
+    found = integrate(MPI.COMM_SELF, square, vertices, np.ones(1), pieces)
+    assert found.resolved.all()
+    assert len(calls) == 1
+    assert found.bound.sum() < 1e-13 * found.value.sum()
+
+
+@pytest.mark.serial
 def test_jumps_between_cells_are_smooth():
     vertices = np.array(
         [[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], [[1.0, 1.0], [1.0, 0.0], [0.0, 1.0]]]
@@ -117,6 +138,27 @@ def test_zero_and_noise_end():
     found = integrate(MPI.COMM_SELF, noise, *segments(2), facet_pieces(1), floor=1e-15)
     assert found.resolved.all()
     assert len(calls) == 1
+
+
+@pytest.mark.serial
+def test_a_component_that_is_round_off_beside_others_needs_no_resolution():
+    """A linear load along a side has 1e-16 of itself across, at random."""
+    vertices, size = segments(8)
+    evaluated = []
+
+    def f(of, at, x):
+        evaluated.append(len(of))
+        noise = np.random.default_rng(0).normal(size=x.shape[:2])
+        return np.stack([1.0 + x[..., 0], 1e-16 * noise], axis=-1)
+
+    as_vector = integrate(COMM, f, vertices, size, facet_pieces(1), of_vector=True)
+    pieces = sum(evaluated)
+    evaluated.clear()
+    as_two = integrate(COMM, f, vertices, size, facet_pieces(1))
+    assert as_vector.resolved.all()
+    assert not as_two.resolved.all()
+    assert sum(evaluated) > 100 * pieces
+    assert abs(total(as_vector.value) - (1.5, 0.0)).max() < 1e-14
 
 
 @pytest.mark.serial

@@ -69,6 +69,7 @@ def test_a_bar_under_an_eccentric_force():
     energy = pull**2 * 2 / (2 * 1000) + moment**2 * 2 * 12 / (2 * 1000)
     bounds = ec.potential_energy(measured(scene, body))
     assert bounds.low <= -energy <= bounds.high
+    assert bounds.guaranteed
     assert ec.potential_energy(exact).value == pytest.approx(-energy, rel=1e-10)
 
 

@@ -324,6 +324,17 @@ def test_forces_along_a_joint_without_friction_are_told_by_body():
     refused(lambda: ec.solve(scene, domain), *words, error=ec.NotHeldError)
 
 
+@pytest.mark.parametrize("size", [1.0, 7.0, 3e-3])
+def test_round_off_along_a_contact_without_friction_is_balance(size):
+    """A couple on the upper side has tractions up and down, and 1e-19 of them sideways."""
+    block = ec.rectangle((0.0, 0.0), (size, size), cells=(3, 3))
+    force = 5e-3 * size
+    pressed = ec.RemoteForce("top", (0.0, -force), moment=0.05 * force * size)
+    scene = ec.Scene(ec.Elastic(1.0, 0.14), loads=pressed, contacts=ec.Contact("bottom"))
+    solution = ec.solve(scene, block, degree=2)
+    assert np.allclose(solution.force("bottom").force, (0.0, force), rtol=1e-9, atol=1e-12 * force)
+
+
 @pytest.mark.parametrize("degree", [1, 2])
 def test_what_files_round_is_taken_up_and_told_once(degree, caplog):
     caplog.set_level(logging.WARNING, logger="erc_contact")

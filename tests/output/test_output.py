@@ -289,11 +289,12 @@ def test_pictures_show_something(error, shared_tmp_path):
         shared_tmp_path / "new" / "meshes.png",
     )
     output.draw_sizes(ec.size_map(error, 0.5 * error.relative), shared_tmp_path / "sizes.png")
-    output.draw_deformed(error, shared_tmp_path / "deformed.png")
+    run = SimpleNamespace(error=error)  # as a history has it
+    output.draw_deformed(run, shared_tmp_path / "deformed.png")
     output.plot_contact(error, "bottom", shared_tmp_path / "contact.png")
     if domain.dim == 2:  # in 3D they are drawn as the sizes and the deformed body are
         names += ["error", "as_it_is"]
-        output.draw_error(error, shared_tmp_path / "error.png")
+        output.draw_error(run, shared_tmp_path / "error.png")
         output.draw_deformed(error, shared_tmp_path / "as_it_is.png", factor=1.0)
     for name in names:
         check_picture(shared_tmp_path / f"{name}.png")

@@ -67,22 +67,24 @@ Source: ours, from the theorem of :mod:`erc_contact.error.constitutive`.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.admissible.pair import Admissible
-from erc_contact.error.bulk import body_error, spring_error
+from erc_contact.error.bulk import adapted_gaps, body_error, is_adapted, spring_error
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.goals.constants import CHANGED
 from erc_contact.error.goals.moved_law import MovedLaw
-from erc_contact.error.laws import LawError
 from erc_contact.error.load_work import load_work
 from erc_contact.error.numbers import ROUND_OFF, BoundedNumber
 from erc_contact.error.oscillation import UNKNOWN_SHARE
 from erc_contact.error.works import contact_work, elastic_work, friction_work, strain_work
 
+D_SHARE = 0.01
+"""Share of d^2 that adapted integrals may leave unknown [-]: the interval contains it."""
 UNKNOWN = 1e-4
 """What integrals may leave unknown, over the square of M [-]."""
 
@@ -277,7 +279,9 @@ def _end(
     phi.x.array[:] = (first.displacement.x.array - second.displacement.x.array) / t
     more, less = stresses
     u = pair.displacement
-    size_2 = elastic_work(pair, phi, phi).value
+    floor = base.floor / t
+    # Two digits of the size are enough.
+    size_2 = elastic_work(pair, phi, phi, np.inf).value
 
     size = float(np.sqrt(max(size_2, 0.0)))
     law = MovedLaw.between(first.model, second.model, t)
@@ -291,12 +295,12 @@ def _end(
     V = base.psi + product + BoundedNumber(0.0, error.round_off * size)
     V += load_work(model, phi)
     # What moves beside loads and supports, given strains and preloads, works on phi.
-    V = V - elastic_work(pair, u, phi) + strain_work(pair, phi) + law.work(pair, t)
+    V = V - elastic_work(pair, u, phi, floor) + strain_work(pair, phi, floor) + law.work(pair, t)
     tractions = zip(pair.tractions, more.tractions, less.tractions, strict=True)
     contacts = zip(tractions, base.frictions, strict=True)
     for (traction, of_more, of_less), slid in contacts:
         tau = (of_more.values - of_less.values) / t
-        V += contact_work(space, traction.contact, tau, u, base.floor / t)
+        V += contact_work(space, traction.contact, tau, u, floor)
         # Friction adds int b (|w^_t| - |w+_t|)/t, at the upper end its mirror image.
         slides = friction_work(space, traction, moved.displacement, base.floor)
         sign = 1.0 if moved is first else -1.0
@@ -325,48 +329,57 @@ def _across(
         size: About the energy norm of phi or tau, whichever is larger.
     """
     error = base.error
-    model = error.model
     # q(h) = |sigma^ + h tau - C eps(u^ + h phi)|^2 is quadratic, so differences are
-    # exact: d^2 = (q(h) + q(-h) - 2 q(0))/(2 h^2), and the product is
-    # (q(h) - q(-h))/(8 h). With h phi about as large as e the fewest digits cancel.
+    # exact. With h phi about as large as e the fewest digits cancel.
     h = max(error.absolute, ROUND_OFF * error.scale) / max(size, 1e-150)
-    squares = []
-    unresolved = 0.0
-    varies = False
+    pairs = []
     for step in (0.0, h, -h):
-        moved = law.move(error.admissible, step)
-        body = _bulk(moved, phi, more, less, step, t)
-        squares.append(body.gap)
-        unresolved += body.moduli
-        varies |= moved.model.constitution.varies_in_cells
-    # Adapted integrals are up to twice their share too large.
-    share = 2 * UNKNOWN_SHARE if varies else 0.0
-    d_squares = (squares[1] + squares[2] - 2 * squares[0]) / (2 * h**2)
-    d_squares += share * (squares[1] + squares[2] + 2 * squares[0]) / (2 * h**2)
-    local = [(squares[1] - squares[2]).sum(), share * (squares[1] + squares[2]).sum()]
-    product, lost, left = model.space.comm.allreduce(np.array([*local, unresolved]), MPI.SUM)
-    return BoundedNumber(product / (8 * h), lost / (8 * h), bool(left == 0.0)), d_squares
+        pairs.append(_moved(law.move(error.admissible, step), phi, more, less, step, t))
+    of_quotients = partial(_quotients, h=h)
+    of_springs = of_quotients(*(spring_error(pair).gap for pair in pairs))
+    if any(is_adapted(pair.model) for pair in pairs):
+        floor = UNKNOWN_SHARE * np.array([UNKNOWN_SHARE * size**2, error.absolute * size])
+        of_body = adapted_gaps(pairs, of_quotients, D_SHARE, floor)
+        d_squares, product = (of_body.value + of_springs).T
+        unknown = of_body.bound
+        resolved = bool(of_body.resolved.all())
+    else:
+        bodies = [body_error(pair, UNKNOWN_SHARE) for pair in pairs]
+        gaps = [body.gap for body in bodies]
+        d_squares, product = (of_quotients(*gaps) + of_springs).T
+        # Adapted integrals are up to twice their share too large.
+        varies = any(pair.model.constitution.varies_in_cells for pair in pairs)
+        share = 2 * UNKNOWN_SHARE if varies else 0.0
+        of_both = gaps[1] + gaps[2]
+        of_squares = (of_both + 2 * gaps[0]) / (2 * h**2)
+        unknown = share * np.column_stack([of_squares, of_both / (8 * h)])
+        resolved = not any(body.moduli for body in bodies)
+    local = np.array([product.sum(), unknown[:, 1].sum(), float(not resolved)])
+    value, bound, left = error.model.space.comm.allreduce(local, MPI.SUM)
+    return BoundedNumber(value, bound, bool(left == 0.0)), d_squares + unknown[:, 0]
 
 
-def _bulk(
-    pair: Admissible, phi: fem.Function, more: Admissible, less: Admissible, h: float, t: float
-) -> LawError:
-    """Compute ``|sigma^ + h tau - C eps(u^ + h phi)|^2`` of owned cells; collective.
+def _quotients(middle: np.ndarray, more: np.ndarray, less: np.ndarray, h: float) -> np.ndarray:
+    """Return d^2 and the product of q(0), q(h) and q(-h), beside each other.
 
-    It is a gap [force length], with the springs at the cell.
+    They are ``(q(h) + q(-h) - 2 q(0))/(2 h^2)`` and ``(q(h) - q(-h))/(8 h)``.
     """
-    model = pair.model
-    u_hat = model.space.function()
+    return np.stack([(more + less - 2 * middle) / (2 * h**2), (more - less) / (8 * h)], axis=-1)
+
+
+def _moved(
+    pair: Admissible, phi: fem.Function, more: Admissible, less: Admissible, h: float, t: float
+) -> Admissible:
+    """Return the pair of ``u^ + h phi`` and ``sigma^ + h tau``, with the springs."""
+    u_hat = pair.model.space.function()
     u_hat.x.array[:] = pair.displacement.x.array + h * phi.x.array
     of_springs = []
     triples = zip(pair.spring_tractions, more.spring_tractions, less.spring_tractions, strict=True)
     for value, of_more, of_less in triples:
         of_springs.append(value + h / t * (of_more - of_less))
-    moved = replace(
+    return replace(
         pair,
         displacement=u_hat,
         stress=pair.stress + h / t * (more.stress - less.stress),
         spring_tractions=of_springs,
     )
-    body = body_error(moved)
-    return LawError(body.gap + spring_error(moved).gap, body.of_sum, body.moduli)

@@ -61,7 +61,7 @@ def normals_of_side(space: Space, facets: np.ndarray, corners: np.ndarray) -> np
     if not space.comm.allreduce(bool(space.domain.are_curved(facets).any()), MPI.LOR):
         return estimated
     places = space.true_places(facets)[:, : space.d]
-    true = space.domain.true_normals(facets, places)
+    true = space.domain.true_normals(facets, space.local_vertices(facets))
     outward = np.where(np.einsum("fid,fd->fi", true, flat) < 0, -1.0, 1.0)[..., None] * true
     result = np.where(np.isnan(outward), estimated, outward)
     return _of_moved_vertices(space, facets, corners - places, places, result)

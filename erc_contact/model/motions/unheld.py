@@ -281,13 +281,18 @@ def works_on(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return work of loads on K motions, and of their sizes [force]; collective.
 
+    Sizes are the lengths of the vectors: a load across a motion has round-off along it.
+
     Args:
         space: The mesh.
         functions: The motions.
         loads: Nodal forces, not yet summed over ranks [force].
     """
     works = [loads.x.array @ motion.x.array for motion in functions]
-    sizes = [abs(loads.x.array) @ abs(motion.x.array) for motion in functions]
+    size = np.linalg.norm(loads.x.array.reshape(-1, space.d), axis=1)
+    sizes = []
+    for motion in functions:
+        sizes.append(size @ np.linalg.norm(motion.x.array.reshape(-1, space.d), axis=1))
     total = space.comm.allreduce(np.array([works, sizes]), MPI.SUM)
     return total[0], total[1]
 
