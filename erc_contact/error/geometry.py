@@ -25,7 +25,7 @@ from namedmesh.simplex import inverses
 
 FIRST_ORDER = 1.2
 """Factor of the signed term, to err to the safe side [-]."""
-SECOND_ORDER = {2: 16.0, 3: 6.0}
+SECOND_ORDER = {2: 16.0, 3: 6.5}
 """Factor of the energy that the kinks between facets release, by dimension [-].
 
 A surface whose height varies with the wave length h turns the normal by its slope o'.
@@ -173,7 +173,7 @@ class _Surface:
         return np.einsum("fqij,fi,fj->fq", stress, self._normals, self._normals)
 
     def _change_of_loads(self) -> np.ndarray:
-        """Return ``grad p . u`` of loads that vary, shape (f, q); collective."""
+        """Return ``grad p . u`` of loads, shape (f, q); collective."""
         model = self._model
         space = model.space
         result = np.zeros(self._x.shape[:2])
@@ -181,7 +181,7 @@ class _Surface:
             density = space.everywhere(load.density)
             on_load = space.facet_numbers(model.domain.facets(load.facets))
             on = np.flatnonzero(np.isin(self.numbers, on_load))
-            if not load.varies or not len(on):
+            if not len(on):
                 continue
             x, sides = self._x[on], self._between.sides[on]
             u = function_at(self._pair.displacement, x, sides[:, 0]).reshape(x.shape)

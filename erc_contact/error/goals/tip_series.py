@@ -187,9 +187,9 @@ def _powers(mode: str, nu: float, e: complex) -> tuple[list[Series], list[_Stres
         of_ring = HALF * (e * known.Theta + e.conjugate() * known.Phi) - e * known.tt
         H = w[-1].along(e) - H.times_x(e)
         right = -1.0 * (divergence.times_x(e) + of_ring) - lame * H.D_bar()
-        both = right.integral_bar()
-        real = both.real()
-        slope = (1 / (4 + 2 * lame)) * real + HALF * (both - real)
+        whole = right.integral_bar()
+        real = whole.real()
+        slope = (1 / (4 + 2 * lame)) * real + HALF * (whole - real)
         particular = slope.integral()
         stress = _stress(particular, H, lame)
         # On the faces the traction is Theta - Phi, times i/2.
