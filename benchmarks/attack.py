@@ -24,6 +24,8 @@ friction or Tresca's.
 
 ``sprung``: the same with springs on the sides. ``turned``: see ``attack_springs.py``.
 
+``rigid``: the same under a rigid face; ``sections``: under a plane section.
+
 ``foundations``: the same on compliant foundations; ``tangential``: on foundations that
 are tangentially compliant, half of them along the normal, too, with Tresca friction;
 ``layers``: with such a layer between two bodies.
@@ -300,6 +302,28 @@ def rigid(seed: int = 0, count: int = 50) -> None:
     compared_blocks(seed, count, under_a_face)
 
 
+def sections(seed: int = 0, count: int = 50) -> None:
+    """Print the same of halves of blocks under a plane section.
+
+    A roller at the left holds the half, which widens under a force, or is pressed by a
+    given way, or bent.
+    """
+
+    def under_a_section(rng: np.random.Generator, scene: ec.Scene) -> ec.Scene:
+        sink = float(scene.supports[0].value[1])  # type: ignore[arg-type]
+        force = float(rng.uniform(0.2, 2.0)) * sink
+        arm = float(rng.uniform(-0.15, 0.15))
+        turn = float(rng.uniform(-0.3, 0.3)) * sink
+        if rng.random() < 0.5:
+            section = ec.PlaneSection("top", force=(None, force), moment=arm * force)
+        else:
+            section = ec.PlaneSection("top", (None, sink), rotation=turn)
+        roller = ec.Displacement("left", (0.0, None))
+        return replace(scene, supports=[roller, section])
+
+    compared_blocks(seed, count, under_a_section)
+
+
 def foundations(seed: int = 0, count: int = 50) -> None:
     """Print the same of blocks on compliant foundations, without energies in these."""
 
@@ -378,6 +402,7 @@ TASKS: dict[str, Callable[..., None]] = {
         sprung,
         turned,
         rigid,
+        sections,
         foundations,
         tangential,
         layers,

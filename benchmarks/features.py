@@ -54,7 +54,7 @@ class Block:
         on_body: Whether the contact is with another body.
         cut: Whether a preload draws the block together at a cut.
         tied: Whether the top of the block is a part of its own that is tied.
-        rigid: Whether the top is a rigid face.
+        face: What the top is, a rigid face or a plane section; None if it is neither.
         held: Whether a support holds the block along the normal of the contact.
         springs: Whether a side is on springs.
         heated: Whether it has a given strain.
@@ -75,7 +75,7 @@ class Block:
     on_body: bool = False
     cut: bool = False
     tied: bool = False
-    rigid: bool = False
+    face: type[ec.Rigid] | None = None
     held: bool = True
     springs: bool = False
     heated: bool = False
@@ -119,7 +119,8 @@ FEATURES = {
     "moving foundation": Feature({"contact": (("motion", True),)}, {"friction": TRESCA}),
     "compliant foundation": Feature({"foundation": (("normal", 1.0),)}),
     "tangential compliance": Feature({"foundation": (("tangential", 1.0),)}, {"friction": TRESCA}),
-    "rigid face": Feature({"rigid": True}),
+    "rigid face": Feature({"face": ec.Rigid}),
+    "plane section": Feature({"face": ec.PlaneSection}),
     "springs": Feature({"springs": True}),
     "held by contact alone": Feature({"held": False}),
     "preload": Feature({"cut": True}),
@@ -185,12 +186,15 @@ def scene_of(block: Block, share: float = 1.0) -> ec.Scene:
     loads = []
     push = (along * share, *zeros[1:], -0.01 * share)
     weight = (*zeros, -0.01 * share)
-    if block.rigid and rings:
-        supports.append(ec.Rigid(top, force=(None, -0.01 * share)))
-    elif block.rigid:
+    force = (*(None,) * (block.d - 1), -0.01 * share)
+    if block.face is not None and rings:
+        supports.append(block.face(top, force=force))
+    elif block.face is ec.Rigid:
         rotation = 0.0 if block.d == 2 else (0.0, 0.0, 0.0)
-        force = (*(None,) * (block.d - 1), -0.01 * share)
         supports.append(ec.Rigid(top, (*push[:-1], None), rotation, force=force))
+    elif block.face is ec.PlaneSection:
+        moment = 0.0 if block.d == 2 else (0.0, 0.0, None)
+        supports.append(ec.PlaneSection(top, force=force, moment=moment))
     elif block.held:
         supports.append(ec.Displacement(top, push))
     else:

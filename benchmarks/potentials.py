@@ -20,9 +20,10 @@ A history loads, unloads and loads again, each time in another way. Its last ste
 tested against a reference that begins with the same state.
 
     OMP_NUM_THREADS=1 python benchmarks/potentials.py
-        [scenes|histories|curves|curve_histories|rates] [seed] [count]
+        [scenes|histories|curves|curve_histories|preloads|rates] [seed] [count]
 
-Of ``curves`` and ``curve_histories`` all laws harden by curves.
+Of ``curves`` and ``curve_histories`` all laws harden by curves. Of ``preloads`` two
+halves of each body are pushed apart or drawn together, by a shift or by a force.
 
 ``rates`` prints eps against unknowns with ``Mark`` for a plastic layer. With it seed
 and count mean nothing.
@@ -33,7 +34,7 @@ from __future__ import annotations
 import logging
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import process_time
 from typing import Any
 
@@ -203,6 +204,27 @@ def random_loads(rng: np.random.Generator, body: Body) -> ec.Scene:
     return ec.Scene(body.law, held, loads, contacts)
 
 
+def random_preload(rng: np.random.Generator, body: Body) -> tuple[Body, ec.Scene]:
+    """Make a body of two halves with a preload between them, and its scene."""
+    make, depth = (ec.box, (0.0,)) if body.kind == SPACE else (ec.rectangle, ())
+    cells = (2, 1, 1) if body.kind == SPACE else (4, 2)
+    halves = {}
+    for name, low in (("lower", 0.0), ("upper", 1.0)):
+        top = (WIDTH, *(1.0 for _ in depth), low + 1.0)
+        halves[name] = make((0.0, *depth, low), top, cells=cells)
+    domain = ec.assembly(halves).joined("upper bottom", "lower top")
+    body = replace(body, domain=domain, is_double=True)
+    scene = random_loads(rng, body)
+    if rng.random() < 0.5:
+        shift = float(rng.uniform(-8.0, 4.0)) * YIELD
+        tie = ec.Preload("upper bottom", "lower top", shortening=shift)
+    else:
+        area = np.pi * WIDTH**2 if body.kind == RINGS else WIDTH
+        pushing = float(rng.uniform(0.3, 1.6)) * YIELD * area
+        tie = ec.Preload("upper bottom", "lower top", force=-pushing)
+    return body, replace(scene, contacts=scene.contacts[:1], ties=[tie])
+
+
 def certified(solution: ec.Solution) -> ec.ConstitutiveError:
     """Certify a solution."""
     return ec.constitutive_error(ec.equilibrate(solution))
@@ -280,6 +302,8 @@ def study(kind: str, seed: int, count: int) -> None:
         try:
             if kind.endswith("histories"):
                 row = run_history(rng, body)
+            elif kind == "preloads":
+                row = measured(*random_preload(rng, body))
             else:
                 row = measured(body, random_loads(rng, body))
         except ec.ErcContactError as reason:

@@ -231,3 +231,31 @@ def bimetal_strip() -> Result:
     bending += 100e3 * (1 / 12 + (2.0 - axis) ** 2)
     beam = 3 * bending / 40**3 * (curvature * 40**2 / 2 - 0.25)
     return meshes.result(says(force, Other("beam", float(beam), approximate=True)))
+
+
+def bar_between_sections() -> Result:
+    """Pull and bend a bar of two layers between plane sections.
+
+    Rectangle (0, 4) x (0, 1), nu = 0.3, plane strain; E = 100 below y = 0.5, 300 above.
+    Its ends stay plane and slide in themselves. The left one does not move along x and
+    does not turn, the right one carries the force 2 and, about its middle, the moment
+    0.5. A layer has the stress E' (q - theta y')/4 with E' = E/(1 - nu^2) and y' from
+    the middle.
+    """
+    bricks = [("soft", 0.0, 0.0, 4.0, 0.5), ("stiff", 0.0, 0.5, 4.0, 0.5)]
+    parts = {"left": (0, 0, 0, 1), "right": (4, 0, 4, 1)}
+    ends = [
+        ec.PlaneSection("left", (0.0, None), rotation=0.0),
+        ec.PlaneSection("right", force=(2.0, None), moment=0.5),
+    ]
+    scene = ec.Scene(ec.Elastic({"soft": 100.0, "stiff": 300.0}, 0.3), ends)
+    meshes = Meshes(scene, drawn(bricks, parts, 0.5), 1e-3)
+    # Integrals of E', E' y' and E' y'^2 over the section.
+    area, first, second = np.array([400 / 2, 200 / 8, 400 / 24]) / (1 - 0.3**2)
+    q, theta = 4 * np.linalg.solve([[area, -first], [-first, second]], [2.0, 0.5])
+    moved = meshes.goal(ec.MeanDisplacement("right", (1.0, 0.0)), "length", "motion of the middle")
+    turned = meshes.goal(ec.Rotation("right"), "rad", "rotation")
+    work = meshes.energy("work of the loads", "force", -2.0)
+    return meshes.result(
+        exactly(work, 2.0 * q + 0.5 * theta), exactly(moved, q), exactly(turned, theta)
+    )

@@ -372,6 +372,35 @@ def two_hemispheres() -> Result:
     return meshes.result(*numbers)
 
 
+def ball_under_a_force() -> Result:
+    """Press a ball on a plane by a force, Ansys VM63.
+
+    Radius 8, E = 1000, nu = 0.3, no friction. Half of the ball is pressed by the force
+    60 pi on its equator, a plane section that widens freely.
+    """
+    force = 60 * np.pi
+    ball = part_of_disc({"ball": 8.0}, 1.5, {"equator": (0.0, 0.0, 8.0, 0.0)})
+    # The contact ends beside the section, whose rim it does not touch.
+    ball = ball.named({"foot": lambda x: np.isclose(np.hypot(x[0], x[1]), 8.0) & (x[0] < 5.0)})
+    contact = ec.Contact("foot", gap=lambda x: 8.0 - x[1], normal=UP)
+    equator = ec.PlaneSection("equator", force=(None, force))
+    scene = ec.Scene(turned(1000.0, 0.3), [equator], contacts=[contact])
+    radius = np.cbrt(3 * force * 8.0 * (1 - 0.3**2) / 4000)
+    probes: dict[str, Probe] = {
+        "contact radius": lambda error: float(error.contact_area("foot").radius.value),
+        "greatest pressure": pressure_at("foot", 0.0, NEAR * radius),
+        "force of the plane": lambda error: float(error.force("foot").force[1]),
+    }
+    meshes = Meshes(scene, ball, 4e-3, probes)
+    touched = meshes.probe("contact radius", "length")
+    says(touched, Other("Hertz, half-space", radius, approximate=True))
+    says(touched, Other("Ansys VM63, target", 1.010, rounding=5e-4))
+    peak = meshes.probe("greatest pressure", "force/area")
+    says(peak, Other("Hertz, half-space", 1.5 * force / (np.pi * radius**2), approximate=True))
+    carried = meshes.probe("force of the plane", "force")
+    return meshes.result(touched, peak, exactly(carried, -force, "balance"))
+
+
 def balls_between_pads() -> Result:
     """Press two balls between pads, code_aster SSNA102.
 

@@ -5,12 +5,12 @@ from typing import Any
 SUBJECTS = {
     "Contact of bodies": (
         "block two_blocks hertz hertz_cylinders sphere sphere_in_shell pin_in_lug wide_hole "
-        "receding parabolic_layers platens press_fit punch brake crack masonry wood"
+        "receding parabolic_layers platens press_fit punch brake chain_link crack masonry wood"
     ),
     "Rings": "o_ring ball_on_layer turned_bolt turned_press_fit",
     "CAD and bolted assemblies": "part clamp flange_from_cad as1 bolt flange bracket",
     "Loading histories": "hysteresis cattaneo_mindlin around thermostat",
-    "Plasticity": "plastic_layer lug imprint autofrettage",
+    "Plasticity": "plastic_layer lug imprint autofrettage yielding_bolt",
     "Numbers": "force_bounds run_time paper greco incompressible many_solutions",
     "Other codes": "other_code",
 }

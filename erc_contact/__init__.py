@@ -83,7 +83,7 @@ from erc_contact.scene.potential import Potential, Remembering
 from erc_contact.scene.remote import RemoteForce
 from erc_contact.scene.scene import Scene
 from erc_contact.scene.strain import Eigenstrain, GivenStrain, ThermalStrain
-from erc_contact.scene.support import Displacement, Rigid, Spring
+from erc_contact.scene.support import Displacement, PlaneSection, Rigid, Spring
 from erc_contact.scene.table import table
 from erc_contact.scene.tied import Preload, Tied
 from namedmesh import (
@@ -142,6 +142,7 @@ __all__ = [
     "Orthotropic",
     "OrthotropicElastic",
     "Oscillations",
+    "PlaneSection",
     "Plastic",
     "Potential",
     "Preload",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from erc_contact.admissible.elastic import CellStrains
+from erc_contact.admissible.elastic import strains_of_body
 from erc_contact.admissible.macro import macro_values
 from erc_contact.model.data.quadrature import cell_pieces
 from erc_contact.model.law.point_law import Search
@@ -24,7 +24,7 @@ def energies_of_law(error):
     law, cells, of_cells = model.linearised.law, pair.cell_geometry, model.space.owned_cells
     points, weights = rule(model.space.d, RULE)
     measures = cells.volume[of_cells, None] * weights / (model.space.d + 1)
-    strain = CellStrains.of(model.space, cells, pair.displacement)
+    strain = strains_of_body(model, cells, pair.displacement)
     psi, psi_star = 0.0, 0.0
     for sub in cell_pieces(model.space.d):
         shape = len(of_cells), len(points), model.space.d + 1

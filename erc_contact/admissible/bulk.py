@@ -14,6 +14,24 @@ from erc_contact.admissible.tighten.complementary import relax
 from erc_contact.admissible.tighten.iteration import Ending, tighten_moments
 from erc_contact.admissible.tighten.rounds import CellLaw, Tight, tightened_in_rounds
 from erc_contact.admissible.unbalanced import unbalanced_cells
+from erc_contact.model.model import Model
+
+
+def _turning(model: Model, count: int) -> np.ndarray | None:
+    """Number the loose faces that turn freely on their facets, see :class:`.Patches`.
+
+    Args:
+        model: The scene on a mesh.
+        count: Number of facets on this rank.
+    """
+    d = model.space.d
+    faces = [face for face in model.loose_faces if face.free[d:].any()]
+    if not faces:
+        return None
+    turning = np.zeros(count, dtype=np.int32)
+    for number, face in enumerate(faces, start=1):
+        turning[model.space.facet_numbers(face.facets)] = number
+    return turning
 
 
 def plane_bulk(given: Reconstruction) -> BulkStress:
@@ -36,10 +54,11 @@ def plane_bulk(given: Reconstruction) -> BulkStress:
         return Tight(moment, forces, stress)
 
     free = cells.has_second[:, None] | given.fixed
+    turning = _turning(model, len(free))
 
     def tighten(moment: np.ndarray, law: CellLaw, ending: Ending) -> Tight:
         moment, done, square = tighten_moments(
-            model.space, cells, moment, force, free, *law, ending
+            model.space, cells, moment, force, free, turning, *law, ending
         )
         return replace(balanced(moment, law), iterations=done, square=square)
 

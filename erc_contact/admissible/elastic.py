@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from dolfinx import fem
@@ -225,6 +225,20 @@ class RingStress(CellStress):
         hoop = middles[:, :1] * around[:, None]
         hoop = model.hoop_load.plus(hoop[:, None], middles[:, None], model.space.owned_cells)[:, 0]
         return model.space.section.over(np.column_stack([in_plane, hoop]), middles)
+
+
+def strains_of_body(model: Model, cells: CellGeometry, u: fem.Function) -> CellStrains:
+    """Return the strains of a displacement [length] as a law with a potential has them.
+
+    They have the jumps of preloads, too.
+    """
+    assert model.linearised is not None
+    strain = CellStrains.of(model.space, cells, u)
+    jumps = model.linearised.jumps
+    if jumps is None:
+        return strain
+    of_cells = jumps.x.array.reshape(len(strain.in_plane), 1, -1)
+    return replace(strain, in_plane=strain.in_plane + of_cells)
 
 
 def strains(cells: CellGeometry, u: fem.Function) -> np.ndarray:

@@ -242,7 +242,7 @@ def _of_face(space: Space, cells: CellGeometry, face: RigidFace, moment: np.ndar
     missing = abs(works / face.sizes)[face.free].max(initial=0.0)
     # Each rank with a part of the face tells it.
     cell = face.facets[:1, 0]
-    return f"in the resultants of Rigid({face.name!r})", np.full(len(cell), missing), cell
+    return f"in the resultants of {face.what}", np.full(len(cell), missing), cell
 
 
 def _between_ranks(

@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.admissible.elastic import CellStrains
+from erc_contact.admissible.elastic import CellStrains, strains_of_body
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
 from erc_contact.error.hidden import hidden_by_data
@@ -50,7 +50,7 @@ def fenchel_error(admissible: Admissible) -> LawError:
     of_cells = space.owned_cells
     k = space.degree
     volume = cells.volume[:owned]
-    strain = CellStrains.of(space, cells, admissible.displacement)
+    strain = strains_of_body(model, cells, admissible.displacement)
     near = _LinearLaws(admissible, strain)
 
     constitution = model.constitution

@@ -11,7 +11,13 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from erc_contact.admissible.elastic import CellStrains, macro_moduli, strains, strains_at
+from erc_contact.admissible.elastic import (
+    CellStrains,
+    macro_moduli,
+    strains,
+    strains_at,
+    strains_of_body,
+)
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
 from erc_contact.admissible.springs import spring_work
@@ -120,7 +126,7 @@ def strain_energy(pair: Admissible, u: fem.Function, floor: float = 0.0) -> Boun
     of_cells = model.space.owned_cells
     if model.linearised is not None:
         law = model.linearised.law
-        strain = CellStrains.of(model.space, pair.cell_geometry, u)
+        strain = strains_of_body(model, pair.cell_geometry, u)
 
         def of_law(
             law: PointLaw, entity: np.ndarray, places: np.ndarray, x: np.ndarray

@@ -42,6 +42,7 @@ from erc_contact.model.preload import (
     bind_preloads,
     check_beside_cuts,
     jump_gradients,
+    jump_strains,
     jumps_at,
     shifts_of,
 )
@@ -50,7 +51,7 @@ from erc_contact.model.space import Space
 from erc_contact.model.springs import bind_springs
 from erc_contact.model.supports import bind_supports, check_neighbours, dirichlet_conditions
 from erc_contact.scene.material import Elastic, is_axisymmetric
-from erc_contact.scene.potential import FROM_REST, has_potential, refuse_potential
+from erc_contact.scene.potential import has_potential
 from erc_contact.scene.scene import Scene
 from namedmesh import Domain
 from namedmesh.base.names import known_names
@@ -206,11 +207,11 @@ class Model:
 
     def bind_strains(self, scene: Scene) -> None:
         """Put the strains and the preloads of a scene on the mesh; collective."""
-        if self.preloads:
-            refuse_potential(scene.material, "A preload", FROM_REST)
-        if self.linearised is not None:
-            return
         shifts = shifts_of(scene.ties)
+        if self.linearised is not None:
+            if self.preloads:
+                self.linearised.take_jumps(jump_strains(self.space, self.preloads, shifts))
+            return
         of_preloads = []
         for preload in self.preloads:
             strain = preload.strain(shifts[preload.name])

@@ -9,9 +9,10 @@ vertices of the cut and 0 at all others. So the jump is q d exactly, and the str
 
     sigma = C (eps(u_c) - eps_0),    eps_0 = -q eps(psi),
 
-the stress of a given strain that is constant in cells. What the package calls the
-displacement is u_c. It differs from u in the cells of the first side that touch the
-cut, and nowhere else.
+the stress of a given strain that is constant in cells. A law with a potential takes the
+strain of u itself, ``eps(u_c) - eps_0``, so that it may yield at the cut as elsewhere.
+What the package calls the displacement is u_c. It differs from u in the cells of the
+first side that touch the cut, and nowhere else.
 
 If a cut parts a body in two, the half W on one side is in balance with the force F of
 the cut, the loads, and the contacts. With the motion of this half along the axis,
@@ -38,6 +39,7 @@ from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.motions.rigid_motions import bodies_of_nodes
 from erc_contact.model.space import Space
+from erc_contact.scene.material import mandel_basis
 from erc_contact.scene.tied import Preload, Tied
 from namedmesh.base.names import listed
 from namedmesh.base.ranks import union
@@ -145,6 +147,23 @@ def jump_gradients(
         slopes = preload.gradient.x.array.reshape(-1, d)[cells]
         total += shifts[preload.name] * preload.axis[:, None] * slopes[:, None, :]
     return total
+
+
+def jump_strains(
+    space: Space, preloads: Sequence[PreloadOnMesh], shifts: Mapping[str, float]
+) -> np.ndarray:
+    """Return the strain ``-eps_0`` of the jumps of preloads in cells of this rank [-].
+
+    Args:
+        space: The mesh.
+        preloads: The preloads.
+        shifts: q of each by its name [length].
+
+    Returns:
+        Mandel components of the mesh, shape (cells, s).
+    """
+    slopes = jump_gradients(preloads, shifts, np.arange(len(space.nodes)), space.d)
+    return np.asarray(np.einsum("nij,sij->ns", slopes, mandel_basis(space.d)))
 
 
 def check_beside_cuts(

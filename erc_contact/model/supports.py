@@ -152,9 +152,7 @@ def _jumps(space: Space, nodes: np.ndarray, at_nodes: np.ndarray) -> bool:
 def check_neighbours(
     space: Space, faces: Sequence[RigidFace], held: np.ndarray, contacts: Sequence[ContactOnMesh]
 ) -> None:
-    """Check that supports and contacts beside loose faces hold no motion of the faces.
-
-    Collective.
+    """Check that what is beside loose faces holds no motion of the faces; collective.
 
     Args:
         space: The mesh.
@@ -163,13 +161,18 @@ def check_neighbours(
         contacts: The contacts.
 
     Raises:
-        InputError: If a support or a contact holds a free motion of a face.
+        InputError: If a support, a contact or another face holds a free motion.
     """
     for face in faces:
-        what = f"Rigid({face.name!r})"
-        _check_beside(space, face, held, f"{what} and a support")
+        _check_beside(space, face, held, f"{face.what} and a support")
+        for other in faces:
+            if other is not face:
+                moved = np.zeros(held.shape, dtype=bool)
+                moved[other.nodes] = (other.reach > UNMOVED).any(axis=2)
+                moved = marks_of_owners(space, moved)
+                _check_beside(space, face, moved, f"{face.what} and {other.what}")
         for contact in contacts:
-            _check_contact(space, face, contact, f"{what} and Contact({contact.name!r})")
+            _check_contact(space, face, contact, f"{face.what} and Contact({contact.name!r})")
 
 
 def _check_contact(space: Space, face: RigidFace, contact: ContactOnMesh, words: str) -> None:
@@ -204,7 +207,7 @@ def _check_beside(space: Space, face: RigidFace, held: np.ndarray, words: str) -
     """
     of_facets = space.facet_nodes(face.facets)
     moved = np.zeros((space.node_count, space.d))
-    moved[face.nodes] = (abs(face.shapes) / face.sizes)[:, :, face.free].max(axis=2, initial=0.0)
+    moved[face.nodes] = face.reach[:, :, face.free].max(axis=2, initial=0.0)
     beside = held[of_facets].any(axis=1)
     most = moved[of_facets].max(axis=1, initial=0.0)
     error = None

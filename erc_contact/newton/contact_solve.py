@@ -306,7 +306,7 @@ def method_beside_faces(model: Model, method: Method | None) -> Method:
         return NODAL
     if not method.multiplier:
         raise InputError(
-            f"A cell touches both a contact and Rigid({model.loose_faces[0].name!r}) with free"
+            f"A cell touches both a contact and {model.loose_faces[0].what} with free"
             f" motions, and {method} reads its stress; refine the mesh between them, or take"
             " method=ec.AugmentedLagrangian()."
         )

@@ -38,7 +38,6 @@ from erc_contact.base.logs import log_of
 from erc_contact.base.progress import at
 from erc_contact.model.carrying import carry_displacement
 from erc_contact.model.data.values import DATA_DEGREE
-from erc_contact.model.law.potential import StrainOf
 from erc_contact.model.model import Model
 from erc_contact.newton.contact_solve import Solver, solution_of
 from erc_contact.newton.methods import Method
@@ -197,7 +196,7 @@ class _Change:
         self._x, self._weights = space.cell_rule(1 if is_plain else DATA_DEGREE)
         places = self._x, self._cells
         self._strain = linearised.strain_at(*places)
-        self._step = StrainOf(space, u)(*places) - self._strain
+        self._step = linearised.strain_of(u)(*places) - self._strain
         self._tangent = linearised.tangent_at(*places)
         self._metric = np.linalg.inv(self._tangent)
         self._stress = self._law.stress(self._strain, *places) + self._of_tangent(self._step)

@@ -1,10 +1,11 @@
 """Find the shifts of preloads whose forces are given.
 
 A scene is solved with shifts q, so that each bolt is one body. The force of a bolt
-grows with its shift, linearly as long as the contacts do not change. In a scene that
-its bolts alone load, without gaps, it is proportional to the shift, so that the second
-solve has the force to round-off. Otherwise Broyden's method follows it. All solves
-share one factor or hierarchy, and start from each other.
+grows with its shift, linearly as long as the contacts do not change and nothing yields.
+In a scene that its bolts alone load, without gaps, it is proportional to the shift, so
+that the second solve has the force to round-off. Otherwise Broyden's method follows it.
+All solves start from each other, and those of linear bodies share one factor or
+hierarchy.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, NotConverged
 from erc_contact.base.logs import log_of
@@ -32,7 +34,10 @@ HALVINGS = 6
 DOUBLINGS = 6
 """Greatest number of times that the first shifts are doubled."""
 SLACK = 0.01
-"""Force over shift and stiffness of the shank below which a bolt is slack [-]."""
+"""Force over shift and stiffness of the shank below which a bolt is slack [-].
+
+A shank that yields has a share of its stiffness, see :func:`_least_share`.
+"""
 
 Solve = Callable[[Scene], Solution]
 """Solves a scene with given shifts."""
@@ -143,7 +148,8 @@ def solved_with_forces(
     forces = _bolt_forces(solution, names)
     scale = max(abs(wanted).max(), abs(forces).max())
     shanks = shank_stiffness(solution.model, names)
-    slopes = _first_slopes(forces, shifts, shanks)
+    slack = SLACK * _least_share(solution.model) * shanks
+    slopes = _first_slopes(forces, shifts, shanks, slack)
     for _ in range(SOLVES):
         log_of(solution.model.space.comm).debug("Preloads %s: shifts %s", forces, shifts)
         left = wanted - forces
@@ -159,9 +165,9 @@ def solved_with_forces(
         # Broyden's update: the slopes explain the last change, and stay across it.
         gained = forces - forces_before
         slopes += np.outer(gained - slopes @ change, change) / (change @ change)
-        if abs(gained).max() <= SLACK * shanks.min() * abs(change).max():
+        if abs(gained).max() <= slack.min() * abs(change).max():
             _check_slack(names, forces, wanted)
-        if (slopes.diagonal() <= SLACK * shanks).any():
+        if (slopes.diagonal() <= slack).any():
             slopes = np.diag(shanks)
     told = [
         f"{name!r} {force:.6g} of {given:.6g}"
@@ -224,16 +230,34 @@ def _check_slack(names: Sequence[str], forces: np.ndarray, wanted: np.ndarray) -
             )
 
 
-def _first_slopes(forces: np.ndarray, shifts: np.ndarray, shanks: np.ndarray) -> np.ndarray:
+def _least_share(model: Model) -> float:
+    """Return the share of its stiffness that a law keeps at any strain [-]; collective.
+
+    It is 0 where a potential does not tell it.
+    """
+    if model.linearised is None:
+        return 1.0
+    law = model.linearised.law
+    if not law.has_convexity:
+        return 0.0
+    x, _ = model.space.cell_rule(1)
+    shares = law.convexity(x, model.space.owned_cells)
+    return float(model.space.comm.allreduce(float(shares.min(initial=1.0)), MPI.MIN))
+
+
+def _first_slopes(
+    forces: np.ndarray, shifts: np.ndarray, shanks: np.ndarray, slack: np.ndarray
+) -> np.ndarray:
     """Return the slopes of proportional forces, or of the shanks where bolts are slack.
 
     Args:
         forces: Forces of the bolts [force], shape (m,).
         shifts: Their shifts [length].
         shanks: Stiffnesses of their shanks [force/length].
+        slack: Stiffnesses below which bolts are slack [force/length].
 
     Returns:
         Shape (m, m).
     """
     slopes = np.divide(forces, shifts, out=np.zeros_like(forces), where=shifts != 0.0)
-    return np.diag(np.where(slopes > SLACK * shanks, slopes, shanks))
+    return np.diag(np.where(slopes > slack, slopes, shanks))

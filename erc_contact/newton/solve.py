@@ -227,7 +227,8 @@ def _solved_with_forces(
 
     solution, first = solved_with_forces(scene, shifts, solve, solve_near)
     stiffness = solution.stiffness
-    if stiffness.iterative == first.stiffness.iterative:
+    is_linear = solution.model.linearised is None
+    if is_linear and stiffness.iterative == first.stiffness.iterative:
         stiffness = first.stiffness.hand_to(solution.model)
     seconds = solution.model.space.comm.allreduce(perf_counter() - began, MPI.MAX)
     return replace(solution, stiffness=stiffness, seconds=seconds)
@@ -261,6 +262,9 @@ class Nearby:
             NotConverged: If no attempt converged.
         """
         near = self._near
+        if near.model.linearised is not None:
+            # A potential is linearised anew, so that no factor fits.
+            return self._solve_anew(scene)
         if with_forces(scene):
             known = shifts_in(near.scene)
             shifts = np.array([known[preload.facets] for preload in with_forces(scene)])
@@ -281,11 +285,16 @@ class Nearby:
                 # The direct solver takes over from multigrid where it may.
                 if self._solver != "auto" or not near.stiffness.iterative:
                     raise
+        return self._solve_anew(scene)
+
+    def _solve_anew(self, scene: Scene) -> Solution:
+        """Solve a scene without the factor or hierarchy of the solution; collective."""
+        near = self._near
         return solve_quietly(
             scene,
             near.domain,
             near.method,
-            degree=model.space.degree,
+            degree=near.model.space.degree,
             after=self._after,
             start=near,
             tolerance=None,

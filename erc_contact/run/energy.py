@@ -76,9 +76,9 @@ from erc_contact.model.carrying import carry_state
 from erc_contact.model.contact.contacts import bind_contact
 from erc_contact.model.law.law_entries import place_of
 from erc_contact.model.law.law_state import ValuesAt
-from erc_contact.model.law.potential import StrainOf
 from erc_contact.model.law.strains import free_strain
 from erc_contact.model.model import Model
+from erc_contact.model.preload import jump_strains, shifts_of
 from erc_contact.model.space import Space
 from erc_contact.newton.solution import Solution
 from namedmesh.for_solvers import closest
@@ -142,6 +142,8 @@ def energies(error: ConstitutiveError, last: ConstitutiveError | None) -> Energi
         stored = elastic_energy + spring_energy(pair.model, pair.displacement).value
     if pair.model.linearised is None:
         work += _work_of_strains(pair, before)
+    else:
+        work += _work_of_jumps(error.solution, None if last is None else last.solution)
     floor = ROUND_OFF * stored
     work_of_friction = 0.0
     dissipated = 0.0
@@ -407,16 +409,10 @@ def _plastic_energies(
     after = model.linearised.state_at_end(solution.u)
     assert after is not None
     stress = model.linearised.stress_at_end(solution.u)
-    old_stress = None
-    if last is not None and last.model.linearised is not None:
-        old_stress = carry_state(last.model.linearised.stress_at_end(last.u), space)
-    strain_at = StrainOf(space, solution.u)
+    mean_stress = _mean_stress(solution, last)
+    strain_at = model.linearised.strain_of(solution.u)
     in_space = model.linearised.law.in_space
     place = place_of(shapes, PLASTIC_STRAIN)
-
-    def mean_stress(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
-        of_begin = 0.0 if old_stress is None else old_stress.at(x, cells)
-        return 0.5 * (stress.at(x, cells) + of_begin)
 
     given = solution.scene.strains
     free_at = space.everywhere(free_strain(space, given))
@@ -436,6 +432,45 @@ def _plastic_energies(
     stored = 0.5 * _integral(space, stress.at, elastic)
     heat = _integral(space, mean_stress, expansion) if given or earlier else 0.0
     return stored, _integral(space, mean_stress, growth), heat
+
+
+def _work_of_jumps(solution: Solution, last: Solution | None) -> float:
+    """Compute what preloads do on a body with a potential [force length]; collective.
+
+    It is the work of the stress on the jumps that grow in the step, see
+    :func:`_plastic_energies`.
+    """
+    model = solution.model
+    assert model.linearised is not None
+    if not model.preloads:
+        return 0.0
+    before = {} if last is None else shifts_of(last.scene.ties)
+    grown = {}
+    for name, shift in shifts_of(solution.scene.ties).items():
+        grown[name] = shift - before.get(name, 0.0)
+    of_cells = jump_strains(model.space, model.preloads, grown)
+    in_space = model.linearised.law.in_space
+
+    def growth(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        return in_space(of_cells[cells])[:, None]
+
+    return _integral(model.space, _mean_stress(solution, last), growth)
+
+
+def _mean_stress(solution: Solution, last: Solution | None) -> ValuesAt:
+    """Return the mean of the stresses at begin and end of a step; collective."""
+    assert solution.model.linearised is not None
+    stress = solution.model.linearised.stress_at_end(solution.u)
+    old_stress = None
+    if last is not None and last.model.linearised is not None:
+        old = last.model.linearised.stress_at_end(last.u)
+        old_stress = carry_state(old, solution.model.space)
+
+    def mean_stress(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        of_begin = 0.0 if old_stress is None else old_stress.at(x, cells)
+        return 0.5 * (stress.at(x, cells) + of_begin)
+
+    return mean_stress
 
 
 def _in_all_directions(strain: np.ndarray) -> np.ndarray:

@@ -56,7 +56,12 @@ TABLES = ("VTKHDF/Points", "cells", "facets", "regions", "curved", "glued", "clo
 ABOUT = "linearised about"
 """Name of the displacement about which a potential was linearised."""
 SAME_ERROR = 1e-8
-"""Difference of eps that round-off explains, relative to eps, and absolute [-]."""
+"""Difference of eps that round-off explains, over eps [-]."""
+SAME_SQUARE = 1e-14
+"""Difference of eps^2 that round-off explains [-].
+
+Of a potential eps^2 is a difference of energies.
+"""
 
 
 def level_of(error: ConstitutiveError, steps: Sequence[Any]) -> Contents:
@@ -190,7 +195,8 @@ class Restored:
         solution = self._solution(scene, methods, after)
         error = constitutive_error(equilibrate(solution, tighten=tighten))
         written = self.about["error"]["relative"]
-        if abs(error.relative - written) > SAME_ERROR * (written + SAME_ERROR):
+        differs = abs(error.relative**2 - written**2)
+        if differs > 2 * SAME_ERROR * written**2 + SAME_SQUARE:
             raise InputError(
                 f"The error of the mesh of {self.domain.cells} cells is {error.relative:.10g}, "
                 f"in the folder {written:.10g}: the software is not the one that wrote it. "

@@ -47,7 +47,7 @@ MATERIAL_MEMBERS = ("parameters", "check", "stress", "compliance", "modulus")
 STRAIN_MEMBERS = ("region", "parameters", "strain")
 """Names of the members of a given strain."""
 LISTS: dict[str, tuple[str, tuple[type, ...], tuple[str, ...]]] = {
-    "supports": ("Displacement and Rigid", (Displacement, Rigid), ()),
+    "supports": ("Displacement, Rigid and PlaneSection", (Displacement, Rigid), ()),
     "loads": ("Traction and BodyForce", (), LOAD_MEMBERS),
     "contacts": ("Contact", (Contact,), ()),
     "strains": ("ThermalStrain and Eigenstrain", (), STRAIN_MEMBERS),
@@ -283,13 +283,33 @@ class Scene:
             )
         value = getattr(load, "value", None)
         if not isinstance(value, tuple):
+            self._check_not_on_section(load, supports)
             return
         for i, component in enumerate(value):
             acts = callable(component) or abs(component) > round_off(value)
             if acts and (load.facets, i) in fixed:
+                kind = type(supports[0]).__name__
                 raise InputError(
-                    f"{load.facets!r} has a {type(load).__name__} and a Displacement in component"
-                    f" {i}; make the load 0 there, or free the Displacement (None)."
+                    f"{load.facets!r} has a {type(load).__name__} and a {kind} in component {i};"
+                    f" make the load 0 there, or free the {kind} (None)."
+                )
+
+    @staticmethod
+    def _check_not_on_section(load: Load, supports: list[Displacement | Rigid]) -> None:
+        """Check that a load without components is on no face whose motion may be free.
+
+        Args:
+            load: The load.
+            supports: The supports of its part, which leave a component free.
+        """
+        for support in supports:
+            if isinstance(support, Rigid):
+                kind = type(support).__name__
+                raise InputError(
+                    f"{load.facets!r} has a {type(load).__name__} and a {kind}, whose force is the"
+                    f" resultant of all that acts there. Add the load to the force of the {kind},"
+                    " and give what acts along the part as Traction(part, (tx, ty)), with 0 along"
+                    " the given force."
                 )
 
     def _check_dimensions(self) -> None:

@@ -1,4 +1,4 @@
-"""Declare supports: displacements, springs, and rigid body constraints on faces."""
+"""Declare supports: displacements, springs, rigid faces, sections that stay plane."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
 from numbers import Real
-from typing import Any
+from typing import Any, ClassVar
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Value
 from erc_contact.scene.checks import check_name, check_vector
 from namedmesh.base.checks import is_number
+from namedmesh.base.names import listed
 
 STIFFNESS = "a number >= 0 [force/length^3]"
 """What is allowed, in words."""
@@ -140,9 +141,13 @@ class Rigid:
     moment: float | Sequence[float | None] | None = None
     about: Sequence[float] | None = None
 
+    _example: ClassVar[str] = (
+        "Rigid('top', displacement=(0.0, None), rotation=0.0, force=(None, -3.0))"
+    )
+
     def __post_init__(self) -> None:
         """Check the arguments, and make tuples of them."""
-        check_name("Rigid", self.facets)
+        check_name(type(self).__name__, self.facets)
         for name in ("displacement", "rotation", "force", "moment", "about"):
             value: Any = getattr(self, name)
             if value is not None and not isinstance(value, Real):
@@ -151,11 +156,10 @@ class Rigid:
         if self.displacement is None and self.force is None:
             raise InputError(
                 f"{self._what} has neither displacement nor force; give a number for each"
-                " component in one of them, e.g. Rigid('top', displacement=(0.0, None),"
-                " rotation=0.0, force=(None, -3.0))."
+                f" component in one of them, e.g. {self._example}."
             )
-        for number, ring_lacks in enumerate(self._ring_lacks):
-            self._check_freedom(number, may_lack=ring_lacks)
+        for number, lacks in enumerate(zip(self._ring_lacks, self._slides, strict=True)):
+            self._check_freedom(number, may_lack=any(lacks))
 
     def check_hypothesis(self, *, axisymmetric: bool) -> None:
         """Check what depends on the material: which freedoms must be given.
@@ -167,11 +171,12 @@ class Rigid:
             InputError: If a freedom is not given, or a ring has no such freedom.
         """
         if not axisymmetric:
-            for number in range(len(self._names)):
-                self._check_freedom(number, may_lack=False)
+            for number, slides in enumerate(self._slides):
+                self._check_freedom(number, may_lack=slides)
             return
         freedoms = zip(self._ring_lacks, self.motions, self.resultants, strict=True)
-        for ring_lacks, motion, resultant in freedoms:
+        for number, (ring_lacks, motion, resultant) in enumerate(freedoms):
+            self._check_freedom(number, may_lack=ring_lacks)
             if ring_lacks and (motion not in (None, 0.0) or resultant is not None):
                 raise InputError(
                     f"{self._what}: a rigid face of an axisymmetric body moves along the axis only;"
@@ -233,7 +238,12 @@ class Rigid:
     @property
     def _what(self) -> str:
         """Return the face in words for messages."""
-        return f"Rigid({self.facets!r})"
+        return f"{type(self).__name__}({self.facets!r})"
+
+    @property
+    def _slides(self) -> tuple[bool, ...]:
+        """Tell in which freedoms the face slides, so that nothing is given: in none."""
+        return (False,) * len(self._names)
 
     @property
     def _ring_lacks(self) -> tuple[bool, ...]:
@@ -290,3 +300,78 @@ class Rigid:
                 f"{self._what}: a component of {name} is {number!r}; give finite numbers. In a"
                 " history the scene is a function of time, and so are they."
             )
+
+
+@dataclass(frozen=True)
+class PlaneSection(Rigid):
+    """Declare a flat part that stays plane, and slides and widens in its plane.
+
+    Such a part is a section through a longer body, or a symmetric joint: it moves along
+    its normal n, turns about the axes in its plane, and has no shear,
+
+        u . n = q_0 + (theta x (x - about)) . n,    sigma n = (n . sigma n) n.
+
+    n is an axis, and is known by the component that is given: ``force=(None, F)`` is a
+    force along y. Of each freedom of the section, as of :class:`Rigid`, either the
+    motion or its resultant is given; None stands for the freedoms that it lacks. In 3D
+    it turns about two axes, ``moment=(0.0, 0.0, None)`` where n is z. A section of an
+    axisymmetric body moves along the axis alone, as a face that slides along r.
+
+    Args:
+        facets: Name of the boundary part, which is flat and lies on one body.
+        displacement: Displacement of the point ``about`` [length], d entries: a number
+            along n, or None.
+        rotation: Angle of the small rotation [rad], counterclockwise; in 3D three,
+            about the axes, None about n.
+        force: Resultant of all that acts on the part from outside [force], d entries: a
+            number along n, or None.
+        moment: Its moment about ``about`` [force length]; in 3D three, None about n.
+        about: The point [length], d numbers. By default it is the centroid of the part.
+
+    Raises:
+        InputError: If numbers are given along several axes or in the plane, both or
+            none of motion and resultant of a freedom are given, or a value is no finite
+            number.
+
+    Source: as a rigid face in the components that it has. Its other components are a
+    free boundary, so that e (16) keeps its meaning: u^ . n is that of a plane, and
+    sigma^ has no shear there and the given resultants.
+
+    Example:
+        >>> ec.PlaneSection("right", force=(3.0, None), moment=0.0).resultants
+        (3.0, None, 0.0)
+    """
+
+    _example: ClassVar[str] = "PlaneSection('top', rotation=0.0, force=(None, -3.0))"
+
+    def __post_init__(self) -> None:
+        """Check the arguments: they are along one axis, and about the other axes."""
+        super().__post_init__()
+        axes = [axis for axis, value in zip(AXES, self.value, strict=False) if value is not None]
+        if len(axes) != 1:
+            raise InputError(
+                f"{self._what} has displacements or forces along {listed(axes)}; it moves along its"
+                " normal alone: give one component, and None in place of the others, e.g."
+                f" {self._example}."
+            )
+        for number, slides in enumerate(self._slides):
+            if slides and (self.motions[number], self.resultants[number]) != (None, None):
+                motion_name, resultant_name = self._names[number]
+                raise InputError(
+                    f"{self._what} has a {motion_name} or a {resultant_name}, its normal; it turns"
+                    " freely in its plane: give None there."
+                )
+
+    @property
+    def axis(self) -> int:
+        """Return the number of the axis along its normal."""
+        return next(i for i, value in enumerate(self.value) if value is not None)
+
+    @property
+    def _slides(self) -> tuple[bool, ...]:
+        """Tell in which freedoms the section slides: all that are in its plane."""
+        translations = tuple(value is None for value in self.value)
+        if self.d == 2:
+            return (*translations, False)
+        about_normal = tuple(not slides for slides in translations)
+        return (*translations, *about_normal)

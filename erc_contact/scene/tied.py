@@ -80,9 +80,10 @@ class Preload(Tied):
             a number is not finite, or these are no two names.
 
     Source: the jump q d is a given strain in the cells of the first side beside the
-    cut. So e (16) is the error of the body with this shift, as with any given strain.
-    Where sigma^ has the resultant F it bounds the error of the body with this force,
-    too: then ``(F - F^) (q* - q)``, which would be added with its shift q*, is zero.
+    cut. So e (16) is the error of the body with this shift, as with any given strain. A
+    law with a potential has the jump in its strain, and may yield there. Where sigma^
+    has the resultant F it bounds the error of the body with this force, too: then ``(F
+    - F^) (q* - q)``, which would be added with its shift q*, is zero.
 
     Example:
         >>> ec.Preload("upper bottom", "lower top", force=20e3)

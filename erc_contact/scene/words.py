@@ -26,8 +26,8 @@ def in_words(scene: Any) -> list[tuple[str, str]]:
     in_3d = any(len(support.value) == 3 for support in scene.supports)
     rows = [("material", _object(scene.material, hypothesis=not in_3d))]
     for support in scene.supports:
-        is_rigid = type(support).__name__ == "Rigid"
-        words = _object(support) if is_rigid else f"displacement {_vector(support.value)}"
+        is_given = type(support).__name__ == "Displacement"
+        words = f"displacement {_vector(support.value)}" if is_given else _object(support)
         rows.append((support.facets, words))
     for load in scene.loads:
         region = getattr(load, "region", None)

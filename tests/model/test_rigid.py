@@ -261,6 +261,18 @@ def test_both_solvers(case):
     assert numbers[1] == pytest.approx(numbers[0], rel=1e-8, abs=1e-12)
 
 
+def test_a_roller_beside_a_face_that_turns():
+    """The traction on a roller is chosen, but no couple about the corner comes from it."""
+    face = ec.Rigid("top", (0.0, None), force=(None, -8.0), moment=1.0)
+    roller = ec.Displacement("left", (0.0, None))
+    error = measured(resting(roller, face, friction=0.0), plate())
+    plane = measured(resting(ec.Symmetry("left"), face, friction=0.0), plate())
+    force = error.force("top")
+    # About the origin: the face is at (1, 1).
+    assert force.moment == pytest.approx(1.0 - 8.0 - force.force[0], abs=1e-10 * 8.0)
+    assert error.relative == pytest.approx(plane.relative, rel=0.02)
+
+
 def test_given_motions_are_a_support():
     rigid = measured(resting(ec.Rigid("top", (0.001, -0.004), rotation=0.002)), plate())
     plane = ec.Displacement("top", (0.001, lambda x: -0.004 + 0.002 * (x[0] - 1.0)))

@@ -14,9 +14,11 @@ INLINE int may_act(const int d, const lanes *vector, int lane, const _Bool *unkn
   return 1;
 }
 
-/* Which unknowns of the patches may act: they change no given component of a traction. In 3D all bars along the centre
-   of one ring together do the same as forces at its two ends, so the first of these bars is left out. */
-INLINE void allowed(const int d, const int *ring, int m, int lane, const actions *on, const _Bool *unknown, lanes *keep)
+/* Which unknowns of the patches may act: they change no given component of a traction, and no couple leaves a rigid
+   face that turns freely, as its moment is given. In 3D all bars along the centre of one ring together do the same as
+   forces at its two ends, so the first of these bars is left out. */
+INLINE void allowed(const int d, const int *ring, int m, int lane, const actions *on, const _Bool *unknown,
+                    const int *turning, lanes *keep)
 {
   const int w = (d - 1) * d + 1, b = d * (d - 1) / 2;
   _Bool force[3] = {1, 1, 1};
@@ -32,6 +34,8 @@ INLINE void allowed(const int d, const int *ring, int m, int lane, const actions
     keep[c][lane] = force[c % d];
   if (d == 3 && may_act(3, on[0].bar[0], lane, force))
     keep[w][lane] = 0.0;
+  if (turning && turning[ring[0] / (2 * d)] != turning[ring[m - 1] / (2 * d)])
+    keep[w - 1][lane] = 0.0;
 }
 
 /* The energies of a cell of each ring for what acts on its facets f and g: forces, couple, bars of f, bars of g. */
@@ -112,8 +116,8 @@ INLINE void factorise(int N, const lanes *keep, lanes *A)
 
 /* The matrices of some patches with rings of m facets, and which of their unknowns may act. */
 INLINE void assemble(const int d, int count, int m, const int *ring, const double *edges, const int *facets,
-                     const long long *side, long long F, const _Bool *unknown, const double *compliance, int varies,
-                     const double *table, lanes *keep, lanes *A, actions *on)
+                     const long long *side, long long F, const _Bool *unknown, const int *turning,
+                     const double *compliance, int varies, const double *table, lanes *keep, lanes *A, actions *on)
 {
   const int w = (d - 1) * d + 1, b = d * (d - 1) / 2, s = d * (d + 1) / 2, all = w + 2 * b;
   lanes length = {0}, C[36];
@@ -150,7 +154,7 @@ INLINE void assemble(const int d, int count, int m, const int *ring, const doubl
       }
   }
   for (int l = 0; l < LANES; ++l)
-    allowed(d, ring + (l < count ? l : 0) * m, m, l, on, unknown, keep);
+    allowed(d, ring + (l < count ? l : 0) * m, m, l, on, unknown, turning, keep);
 }
 
 /* Write a factor with 31 binary digits for each entry, counted from the largest one of its row. The sum with 1.5 * 2^52
@@ -174,7 +178,7 @@ INLINE void shorten(int N, lanes *A, int *factor, float *unit)
 }
 
 INLINE int factored(const int d, long long patches, const int *ring, const int *size, const double *edges,
-                    const int *facets, const long long *side, long long F, const _Bool *unknown,
+                    const int *facets, const long long *side, long long F, const _Bool *unknown, const int *turning,
                     const double *compliance, int varies, const double *table, int *factor, float *unit, double *scale)
 {
   const int w = (d - 1) * d + 1, b = d * (d - 1) / 2, largest = patches ? size[patches - 1] : 1;
@@ -191,7 +195,7 @@ INLINE int factored(const int d, long long patches, const int *ring, const int *
     for (int i = 0; i < N; ++i)
       keep[i] = ONE;
     memset(A, 0, N * (N + 1) / 2 * sizeof(lanes));
-    assemble(d, count, m, ring, edges, facets, side, F, unknown, compliance, varies, table, keep, A, on);
+    assemble(d, count, m, ring, edges, facets, side, F, unknown, turning, compliance, varies, table, keep, A, on);
     lanes whole = {0};
     for (int i = 0; i < N; ++i)
       for (int l = 0; l < LANES; ++l)
@@ -213,9 +217,9 @@ INLINE int factored(const int d, long long patches, const int *ring, const int *
 }
 
 int factor_patches(long long patches, const int *ring, const int *size, const double *edges,
-                   const int *facets, const long long *side, long long F, const _Bool *unknown,
+                   const int *facets, const long long *side, long long F, const _Bool *unknown, const int *turning,
                    const double *compliance, int varies, const double *table, int *factor, float *unit, double *scale)
 {
-  return factored(DIMENSION, patches, ring, size, edges, facets, side, F, unknown, compliance, varies, table, factor, unit,
-                  scale);
+  return factored(DIMENSION, patches, ring, size, edges, facets, side, F, unknown, turning, compliance, varies, table,
+                  factor, unit, scale);
 }

@@ -10,9 +10,10 @@ int lane_count(void);
 long long find_rings(long long pairs, const double *edges, const int *facets, const long long *side,
                      _Bool *mine, int *ring, int *size);
 
-/* tighten/patches.py: the factors of all patches. unknown (F, d): components of facets whose traction is not given. */
+/* tighten/patches.py: the factors of all patches. unknown (F, d): components of facets whose traction is not given.
+   turning (F): number of the rigid face that turns freely, 0 elsewhere; null without any. */
 int factor_patches(long long patches, const int *ring, const int *size, const double *edges,
-                   const int *facets, const long long *side, long long F, const _Bool *unknown,
+                   const int *facets, const long long *side, long long F, const _Bool *unknown, const int *turning,
                    const double *compliance, int varies, const double *table, int *factor, float *unit, double *scale);
 
 /* tighten/patches.py: adds to z (F, m, d) the corrections for the residual r. */

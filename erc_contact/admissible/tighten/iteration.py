@@ -68,6 +68,7 @@ def tighten_moments(
     moment: np.ndarray,
     force: np.ndarray | None,
     free: np.ndarray,
+    turning: np.ndarray | None,
     elastic: np.ndarray,
     compliance: np.ndarray,
     ending: Ending,
@@ -82,6 +83,7 @@ def tighten_moments(
         force: Body force times volume of each cell [force], shape (n, N_(k-1), d), or
             None.
         free: Components of facets whose traction is not given, shape (F, d).
+        turning: See :class:`.Patches`.
         elastic: ``C eps(u^)`` of the owned cells [force/area], shape (owned, b,
             s).
         compliance: C^-1 [area/force], shape (n or 1, Q or 1, s, s).
@@ -99,7 +101,7 @@ def tighten_moments(
         moment if m == d else np.matmul(to_hierarchical, moment), force, elastic
     )
     square = comm.allreduce(square, MPI.SUM)
-    patches = Patches(space, cells, compliance, free)
+    patches = Patches(space, cells, compliance, free, turning)
     blocks = Blocks(cells, compliance, free, shared.mine) if m > d else None
 
     def precondition(r: np.ndarray) -> np.ndarray:

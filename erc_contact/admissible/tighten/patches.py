@@ -9,7 +9,8 @@ a sum of
   to cell;
 - the same couple about the centre on all facets: ``(g_j . g_l)/|g_j| n`` at node l of a
   facet with normal n, where j is the node that is not on the centre and g are the
-  gradients of the barycentric coordinates in the facet;
+  gradients of the barycentric coordinates in the facet. None passes from a rigid face
+  whose moment is given to another part of the boundary;
 - opposite forces at the two ends of an edge of one facet, as a bar of a truss carries
   them.
 
@@ -55,6 +56,8 @@ class Patches:
         cells: Geometry, n cells.
         compliance: C^-1 [area/force], shape (n or 1, Q or 1, s, s).
         free: Components of facets whose traction is not given, shape (F, d).
+        turning: Number of the rigid face that turns freely at each facet, 0 elsewhere,
+            shape (F,); None without any.
 
     Attributes:
         ring: Steps of all rings, see :func:`rings`.
@@ -66,7 +69,12 @@ class Patches:
     """
 
     def __init__(
-        self, space: Space, cells: CellGeometry, compliance: np.ndarray, free: np.ndarray
+        self,
+        space: Space,
+        cells: CellGeometry,
+        compliance: np.ndarray,
+        free: np.ndarray,
+        turning: np.ndarray | None = None,
     ) -> None:
         d = cells.d
         self.ring, self.size = rings(space, cells)
@@ -91,6 +99,7 @@ class Patches:
             *geometry,
             len(free),
             free,
+            turning,
             *material,
             _facet_pair(d),
             *factors,

@@ -27,7 +27,7 @@ import numpy as np
 from dolfinx import la
 from mpi4py import MPI
 
-from erc_contact.admissible.elastic import CellStrains
+from erc_contact.admissible.elastic import strains_of_body
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.reconstruction import Reconstruction
 from erc_contact.admissible.tighten import iteration
@@ -165,7 +165,7 @@ class _AtPoints:
         self.law = model.linearised.law
         x = np.matmul(barycentric(points), cells.corners[: len(owned)])
         self.places = x, owned
-        strain = CellStrains.of(model.space, cells, given.displacement)
+        strain = strains_of_body(model, cells, given.displacement)
         self.strain = strain.at_points(slice(len(owned)), points, x)
         self.of_strain = self.law.whole_stress(self.strain, *self.places)
         self.around = model.space.section.weight(x)

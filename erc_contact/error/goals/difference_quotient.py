@@ -84,7 +84,7 @@ from erc_contact.error.oscillation import UNKNOWN_SHARE
 from erc_contact.error.works import contact_work, elastic_work, friction_work, strain_work
 
 D_SHARE = 0.01
-"""Share of d^2 that adapted integrals may leave unknown [-]: the interval contains it."""
+"""Share of d^2 that adapted integrals may leave unknown [-]; the interval has it."""
 UNKNOWN = 1e-4
 """What integrals may leave unknown, over the square of M [-]."""
 

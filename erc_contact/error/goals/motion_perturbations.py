@@ -73,8 +73,8 @@ def _translation(
     d = len(a)
     if a[~face.free[:d]].any():
         raise InputError(
-            f"{goal!r}: this displacement of the rigid face is given; ask for the other"
-            " components, or for the Resultant of the part."
+            f"{goal!r}: this displacement of the rigid face is given, or the section slides along"
+            " it; ask for the other components, or for the Resultant of the part."
         )
     return _motion(base, face, np.concatenate([a, np.zeros(len(face.free) - d)]))
 

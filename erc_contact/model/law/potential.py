@@ -6,6 +6,7 @@ E of a displacement,
 
     C = psi''(E),    eps_0 = E - C^-1 psi'(E),
 
+where E has the strain of the jumps of preloads, too, and eps_0 is less by it,
 so that Newton's method for the body is a sequence of contact problems of linear bodies
 (:mod:`erc_contact.newton.law`). The admissible pair is made from the last of them. Only
 the gap of the law knows psi and psi* themselves.
@@ -36,6 +37,14 @@ from erc_contact.model.space import Space
 from erc_contact.scene.material import mandel_basis, strain
 from erc_contact.scene.potential import Potential, remembers
 
+BESIDE = 1e-9
+"""Share of E by which C is taken beside it [-].
+
+What has yielded begins a load step on the yield surface, where psi'' jumps. There
+round-off would make C another one in forms than at points, and no correction of nodal
+forces would have the stress that belongs to it.
+"""
+
 
 class StrainOf:
     """Evaluate the strain of a displacement at points of cells; collective to make.
@@ -43,11 +52,14 @@ class StrainOf:
     Args:
         space: The mesh.
         u: The displacement [length].
+        jumps: Strain of the jumps of preloads in cells, which is added, in Mandel
+            components [-]; None without any.
     """
 
-    def __init__(self, space: Space, u: fem.Function) -> None:
+    def __init__(self, space: Space, u: fem.Function, jumps: fem.Function | None = None) -> None:
         self._space = space
         self._u = u
+        self._jumps = jumps
         size = space.d * (space.d + 1) // 2
         self._in_plane = space.domain.function("DG", space.degree - 1, (size,))
         self._of_in_plane = space.everywhere(self._in_plane)
@@ -57,8 +69,9 @@ class StrainOf:
     def update(self) -> None:
         """Take the values that the displacement has now; collective."""
         components = []
-        for tensor in mandel_basis(self._space.d):
-            components.append(ufl.inner(ufl.as_matrix(tensor.tolist()), strain(self._u)))
+        for i, tensor in enumerate(mandel_basis(self._space.d)):
+            component = ufl.inner(ufl.as_matrix(tensor.tolist()), strain(self._u))
+            components.append(component if self._jumps is None else component + self._jumps[i])
         points = self._in_plane.function_space.element.interpolation_points
         at_nodes = compiled.expression(ufl.as_vector(components), points, self._space.comm)
         self._in_plane.interpolate(at_nodes)
@@ -87,6 +100,8 @@ class Linearised:
         section: What the body is.
         u: The displacement [length].
         at_rest: Whether it has not been moved: C is psi'' without strain.
+        jumps: Strain of the jumps of preloads in cells, in Mandel components [-], which
+            the strain E has beside the strain of u; None without any.
         load_form: The compiled form of its nodal forces, once it is made.
     """
 
@@ -100,8 +115,23 @@ class Linearised:
         self.section = space.section
         self.u = space.function()
         self.at_rest = True
+        self.jumps: fem.Function | None = None
         self.load_form: fem.Form | None = None
-        self._strain = StrainOf(space, self.u)
+        self._strain = self.strain_of(self.u)
+
+    def take_jumps(self, strain: np.ndarray) -> None:
+        """Take the strain of the jumps of preloads; collective.
+
+        Args:
+            strain: Mandel components in the cells of this rank [-], shape (cells, s).
+        """
+        self.jumps = self._space.domain.function("DG", 0, (strain.shape[1],))
+        self.jumps.x.array[:] = strain.ravel()
+        self._strain = self.strain_of(self.u)
+
+    def strain_of(self, u: fem.Function) -> StrainOf:
+        """Return the strain of a displacement [length], with the jumps; collective."""
+        return StrainOf(self._space, u, self.jumps)
 
     def move(self, u: fem.Function) -> None:
         """Linearise about another displacement [length]; collective."""
@@ -127,7 +157,7 @@ class Linearised:
         state = self.law.state
         if state is None:
             return None
-        strain_at = StrainOf(self._space, u)
+        strain_at = self.strain_of(u)
 
         def values_at(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
             return self.law.new_state(strain_at(x, cells), x, cells)
@@ -137,7 +167,7 @@ class Linearised:
     def stress_at_end(self, u: fem.Function) -> LawState:
         """Return the stress of a displacement, six Mandel components; collective."""
         law = self.law
-        strain_at = StrainOf(self._space, u)
+        strain_at = self.strain_of(u)
 
         def values_at(x: np.ndarray, cells: np.ndarray) -> np.ndarray:
             return law.in_space(law.whole_stress(strain_at(x, cells), x, cells))
@@ -152,25 +182,27 @@ class Linearised:
 
     @cached_property
     def given_stress(self) -> Ufl:
-        """Return ``C eps_0 = C E - psi'(E)`` [force/area], UFL, shaped as a strain."""
+        """Return ``C eps_0 = C eps(u) - psi'(E)`` [force/area], UFL, like a strain."""
         of_strain = self._tangent * self._components(self.section.strain(self.u))
-        return self._tensor(of_strain - self._derivatives.stress())
+        return self._tensor(of_strain - self._derivatives(1.0).stress())
 
     @cached_property
     def _tangent(self) -> Ufl:
         """Return C in Mandel components, UFL (s, s)."""
-        return self._derivatives.tangent()
+        return self._derivatives(1 - BESIDE).tangent()
 
-    @cached_property
-    def _derivatives(self) -> Derivatives:
-        """Return the derivatives of the potential at E."""
+    def _derivatives(self, share: float) -> Derivatives:
+        """Return the derivatives of the potential at a share of E."""
         eps = self.section.strain(self.u)
+        if self.jumps is not None:
+            units = [ufl.as_matrix(tensor.tolist()) for tensor in mandel_basis(self._space.d)]
+            eps += self.section.in_body(sum(self.jumps[i] * unit for i, unit in enumerate(units)))
         if self.law.is_plane:
             eps = in_space(eps, 0)
         values = dict(self._parameters)
         if self.law.state is not None and remembers(self._potential):
             values |= self.law.state.ufl(self._potential.state)
-        return Derivatives(self._potential, eps, self.law.rows, values)
+        return Derivatives(self._potential, share * eps, self.law.rows, values)
 
     @cached_property
     def _tensors(self) -> list[Ufl]:
@@ -197,14 +229,19 @@ class Linearised:
 
     def tangent_at(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Evaluate C at points of cells [force/area], shape (n, q, s, s)."""
-        return self.law.tangent(self.strain_at(x, cells), x, cells)
+        return self.law.tangent((1 - BESIDE) * self.strain_at(x, cells), x, cells)
 
     def __call__(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Evaluate eps_0 at points of cells, as given strains are, shape (n, q, s)."""
         eps = self.strain_at(x, cells)
         stress = self.law.stress(eps, x, cells)
-        tangent = self.law.tangent(eps, x, cells)
-        return eps - np.linalg.solve(tangent, stress[..., None])[..., 0]
+        tangent = self.tangent_at(x, cells)
+        given = eps - np.linalg.solve(tangent, stress[..., None])[..., 0]
+        if self.jumps is not None:
+            size = self.jumps.ufl_shape[0]
+            of_cells = self.jumps.x.array.reshape(-1, size)[cells]
+            given[..., :size] -= of_cells[:, None]
+        return given
 
 
 class TangentMatrix(ElasticMatrix):

@@ -9,7 +9,9 @@ with the shapes R_j: unit translations, and unit rotations about a point of the 
 Such a face is called *loose*. Other supports and contacts may share nodes with it where
 no R_j moves what they hold; so no force that they exchange at a node changes a Q_j.
 Of a ring the only R is the translation along the axis. If u_r is not given there, the
-face is a roller along r.
+face is a roller along r. A plane section is a roller along its plane likewise: it has
+the components of R along its normal alone, a translation and the rotations about the
+axes in its plane.
 """
 
 from __future__ import annotations
@@ -25,9 +27,12 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import InputError
 from erc_contact.model.motions.rigid_shapes import motions_about_axes
 from erc_contact.model.space import Space
-from erc_contact.scene.support import Rigid
+from erc_contact.scene.support import AXES, PlaneSection, Rigid
 from namedmesh.base.names import known_names
-from namedmesh.base.ranks import union
+from namedmesh.base.ranks import box, union
+
+FLAT = 1e-6
+"""Depth of a part over the extent of the mesh that counts as none [-]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +40,7 @@ class RigidFace:
     """Hold a rigid face on a mesh.
 
     Attributes:
+        kind: Name of the class that declares it.
         name: Name of the boundary part.
         facets: Its facets (cell, local facet) on this rank, shape (f, 2).
         nodes: Its nodes on this rank, ghosts included, shape (n,).
@@ -48,6 +54,7 @@ class RigidFace:
         comm: The ranks.
     """
 
+    kind: str
     name: str
     facets: np.ndarray
     nodes: np.ndarray
@@ -58,6 +65,16 @@ class RigidFace:
     resultants: np.ndarray
     sizes: np.ndarray
     comm: MPI.Comm
+
+    @property
+    def what(self) -> str:
+        """Return the face in words for messages."""
+        return f"{self.kind}({self.name!r})"
+
+    @property
+    def reach(self) -> np.ndarray:
+        """Return the sizes of unit motions at the nodes [-], shape (n, d, freedoms)."""
+        return np.asarray(abs(self.shapes) / self.sizes)
 
     def work(self, nodal: np.ndarray) -> np.ndarray:
         """Return ``sum R_j . f`` over the nodes, shape (freedoms, ...); collective.
@@ -113,7 +130,7 @@ class RigidFace:
         numbers = union(self.comm, bodies[self.nodes].tolist())
         if len(numbers) > 1:
             raise InputError(
-                f"Rigid({self.name!r}) is on {len(numbers)} bodies; give each body a face of its"
+                f"{self.what} is on {len(numbers)} bodies; give each body a face of its"
                 " own name, or give all motions of the face."
             )
         number: int = numbers.pop()
@@ -133,25 +150,35 @@ class RigidFace:
 
 
 def bind_rigid(space: Space, rigid: Rigid) -> RigidFace:
-    """Put a rigid face on a mesh; collective."""
+    """Put a rigid face on a mesh; collective.
+
+    Raises:
+        InputError: If ``about`` is a point of another dimension, or a plane section is
+            not flat.
+    """
     d = space.d
     facets = space.domain.facets(rigid.facets)
+    if isinstance(rigid, PlaneSection):
+        _check_flat(space, rigid, facets)
     nodes = np.unique(space.facet_nodes(facets))
     about = centroid(space, facets) if rigid.about is None else np.array(rigid.about, dtype=float)
     if len(about) != d:
-        raise InputError(
-            f"Rigid({rigid.facets!r}): about has {len(about)} numbers, but the mesh is {d}D."
-        )
+        what = f"{type(rigid).__name__}({rigid.facets!r})"
+        raise InputError(f"{what}: about has {len(about)} numbers, but the mesh is {d}D.")
     x = space.V.tabulate_dof_coordinates()[nodes, :d]
     shapes = motions_about_axes(x - about)
     given = zip(rigid.motions, rigid.resultants, strict=True)
     free = np.array([motion is None and resultant is not None for motion, resultant in given])
+    # A section slides in these components: its motions have no part in them.
+    slides = [value is None for value in rigid.value]
+    shapes[:, slides] = 0.0
     # What a displacement has beside the motions of the body is no motion of the face.
     of_body = np.zeros_like(shapes)
     of_body[:, :, space.section.motions] = shapes[:, :, space.section.motions]
     sizes = np.ones(len(free))
     sizes[d:] = space.domain.extent
     return RigidFace(
+        kind=type(rigid).__name__,
         name=rigid.facets,
         facets=facets,
         nodes=nodes,
@@ -163,6 +190,21 @@ def bind_rigid(space: Space, rigid: Rigid) -> RigidFace:
         sizes=sizes,
         comm=space.mesh.comm,
     )
+
+
+def _check_flat(space: Space, section: PlaneSection, facets: np.ndarray) -> None:
+    """Check that a plane section lies in a plane normal to its axis; collective."""
+    axis = section.axis
+    low, high = box(space.comm, space.facet_corners(facets).reshape(-1, space.d))
+    depth = float((high - low)[axis])
+    if depth > FLAT * space.domain.extent:
+        letter = AXES[axis]
+        raise InputError(
+            f"PlaneSection({section.facets!r}): the part reaches over {depth:.3g} along {letter},"
+            f" and must lie in a plane normal to {letter}. Give the component along the normal of"
+            " the part. Where no axis is normal to it, turn the mesh so that one is; on a plane"
+            " that does not move, ec.Symmetry needs no axis."
+        )
 
 
 def face_forces(space: Space, faces: Sequence[RigidFace]) -> fem.Function | None:
@@ -191,7 +233,9 @@ def centroid(space: Space, facets: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Motion:
-    """Hold the motion of a rigid face.
+    """Hold the motion of a rigid face or a plane section.
+
+    It is zero in freedoms in which a section slides.
 
     Attributes:
         displacement: Of the point ``about`` [length], shape (d,).
