@@ -57,6 +57,7 @@ class Block:
         face: What the top is, a rigid face or a plane section; None if it is neither.
         held: Whether a support holds the block along the normal of the contact.
         springs: Whether a side is on springs.
+        periodic: Whether copies of the block follow each other along x.
         heated: Whether it has a given strain.
         plastic: Whether the material is plastic.
         varies: Whether the moduli vary.
@@ -78,6 +79,7 @@ class Block:
     face: type[ec.Rigid] | None = None
     held: bool = True
     springs: bool = False
+    periodic: bool = False
     heated: bool = False
     plastic: bool = False
     varies: bool = False
@@ -122,6 +124,7 @@ FEATURES = {
     "rigid face": Feature({"face": ec.Rigid}),
     "plane section": Feature({"face": ec.PlaneSection}),
     "springs": Feature({"springs": True}),
+    "periodic sides": Feature({"periodic": True}),
     "held by contact alone": Feature({"held": False}),
     "preload": Feature({"cut": True}),
     "tied bodies": Feature({"tied": True}),
@@ -209,7 +212,9 @@ def scene_of(block: Block, share: float = 1.0) -> ec.Scene:
         options["against"] = "base top"
     if block.foundation:
         options["foundation"] = ec.Foundation(**dict(block.foundation))
-    contact = ec.Contact("body bottom", friction=block.friction, **options)
+    contacts = [ec.Contact("body bottom", friction=block.friction, **options)]
+    if block.periodic:
+        contacts.append(ec.Periodic("body left", "body right"))
 
     joints: list[ec.Tied] = []
     parts = [f"{name} {end}" for name in names for end in ("bottom", "top")][1:-1]
@@ -222,7 +227,7 @@ def scene_of(block: Block, share: float = 1.0) -> ec.Scene:
         material,
         supports,
         loads,
-        [contact],
+        contacts,
         springs=[ec.Spring("body right", 0.1, 0.1)] if block.springs else (),
         ties=joints,
         strains=[ec.ThermalStrain(0.001, share)] if block.heated else (),

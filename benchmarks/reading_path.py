@@ -188,6 +188,12 @@ def features() -> Iterator[tuple[str, Callable[[], object]]]:
     ends_of_bolt = [ec.Displacement("upper top", (None, 0.0)), held]
     yield "Preloads", lambda: certified(ec.Scene(MATERIAL, ends_of_bolt, ties=[bolt]), pair)
 
+    copies = [ec.Periodic("left", "right")]
+    yield (
+        "Periodic bodies",
+        lambda: certified(ec.Scene(MATERIAL, [PRESSED], contacts=[FRICTION, *copies]), square),
+    )
+
     def at(time: float) -> ec.Scene:
         """Return the block that is pressed, and then pushed to the side."""
         push = ec.Displacement("top", (0.02 * time, -0.01))

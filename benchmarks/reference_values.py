@@ -24,6 +24,7 @@ import erc_contact  # noqa: F401 - before numpy, it loads MPI
 
 import reference_bodies as bodies  # isort: skip
 import reference_cases as cases  # isort: skip
+import reference_copies as copies  # isort: skip
 import reference_cracks as cracks  # isort: skip
 import reference_laws as laws  # isort: skip
 import reference_punches as punches  # isort: skip
@@ -59,6 +60,8 @@ CASES: dict[str, Callable[[], Result]] = {
         punches.tilted_plate,
         punches.press_fit,
         bodies.bimetal_strip,
+        copies.layers_in_turn,
+        copies.flattened_wave,
         bodies.bar_between_sections,
         punches.block_in_space,
         punches.cattaneo_mindlin,

@@ -5,7 +5,8 @@ from typing import Any
 SUBJECTS = {
     "Contact of bodies": (
         "block two_blocks hertz hertz_cylinders sphere sphere_in_shell pin_in_lug wide_hole "
-        "receding parabolic_layers platens press_fit punch brake chain_link crack masonry wood"
+        "receding wavy_surface parabolic_layers platens press_fit disc_sector punch brake "
+        "chain_link crack masonry wood"
     ),
     "Rings": "o_ring ball_on_layer turned_bolt turned_press_fit",
     "CAD and bolted assemblies": "part clamp flange_from_cad as1 bolt flange bracket",

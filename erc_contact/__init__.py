@@ -78,6 +78,7 @@ from erc_contact.scene.law import Coulomb, Law, Orthotropic, Tresca
 from erc_contact.scene.load import BodyForce, Load, Traction
 from erc_contact.scene.material import Elastic, Material
 from erc_contact.scene.orthotropic import OrthotropicElastic
+from erc_contact.scene.periodic import Cyclic, Periodic
 from erc_contact.scene.plastic import Plastic
 from erc_contact.scene.potential import Potential, Remembering
 from erc_contact.scene.remote import RemoteForce
@@ -113,6 +114,7 @@ __all__ = [
     "Contact",
     "Coulomb",
     "CoulombCertificate",
+    "Cyclic",
     "Deck",
     "Displacement",
     "Domain",
@@ -142,6 +144,7 @@ __all__ = [
     "Orthotropic",
     "OrthotropicElastic",
     "Oscillations",
+    "Periodic",
     "PlaneSection",
     "Plastic",
     "Potential",

@@ -22,6 +22,7 @@ from namedmesh.base import releases  # noqa: F401
 from namedmesh.base.exceptions import InputError, NamedMeshError
 from namedmesh.domain import Domain
 from namedmesh.keeping.domain_file import read_domain, write_domain
+from namedmesh.periodic import PeriodicPair, translated, turned
 from namedmesh.pictures.part_pictures import draw_parts
 from namedmesh.sources import box, from_gmsh, read_mesh, rectangle
 from namedmesh.where import where
@@ -30,6 +31,7 @@ __all__ = [
     "Domain",
     "InputError",
     "NamedMeshError",
+    "PeriodicPair",
     "assembly",
     "box",
     "draw_parts",
@@ -37,6 +39,8 @@ __all__ = [
     "read_domain",
     "read_mesh",
     "rectangle",
+    "translated",
+    "turned",
     "where",
     "write_domain",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Protocol, Self, cast, runtime_checkable
@@ -18,6 +19,7 @@ from namedmesh.base.names import first_names
 from namedmesh.base.releases import cell_nodes
 from namedmesh.interface_map import Interface, InterfaceMap
 from namedmesh.named import NamedMesh
+from namedmesh.periodic import Facing, PeriodicPair, facing_sides
 from namedmesh.sides import facets_of_cells
 from namedmesh.simplex import facet_vertices
 from namedmesh.surface import area_ratio, offset, on_surface, sides_of_facets
@@ -79,12 +81,14 @@ class Bodies(NamedMesh):
         curved_facets: Tags of the facets of curved bodies, or None.
         glued: The mesh from which this one was split, or None.
         interface_map: What relates the nodes and cells of both, or None.
+        periodic: Pairs of sides at which copies of the bodies follow each other.
     """
 
     geometry: Geometry | None = field(default=None, repr=False)
     curved_facets: dmesh.MeshTags | None = field(default=None, repr=False)
     glued: Bodies | None = field(default=None, repr=False)
     interface_map: InterfaceMap | None = field(default=None, repr=False)
+    periodic: tuple[PeriodicPair, ...] = field(default=(), repr=False, kw_only=True)
 
     def __repr__(self) -> str:
         """Describe the domain in a line; one rank alone may do so."""
@@ -292,6 +296,16 @@ class Bodies(NamedMesh):
                 result += self.facing(*interface.names)
         return result
 
+    @cached_property
+    def _facing_periodic(self) -> Mapping[tuple[str, str], Facing]:
+        """Find the sides of periodic pairs that face each other; collective."""
+        facing = {}
+        for pair in self.periodic:
+            here, there = facing_sides(self, pair)
+            facing[pair.names] = (here, there)
+            facing[pair.names[::-1]] = (there, here)
+        return facing
+
     def facing(self, here: str, there: str) -> tuple[np.ndarray, np.ndarray]:
         """Return the facets of two parts that face each other on this rank.
 
@@ -311,6 +325,8 @@ class Bodies(NamedMesh):
         """
         if self.interface_map is not None and (here, there) in self.interface_map.facing:
             return self.interface_map.facing[here, there]
+        if (here, there) in self._facing_periodic:
+            return self._facing_periodic[here, there]
         for name in (here, there):
             self.tag(name)
         known = ", ".join(" and ".join(map(repr, pair)) for pair in self.pairs)

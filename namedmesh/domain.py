@@ -26,6 +26,7 @@ from namedmesh.interface_map import Interface
 from namedmesh.joining import joint
 from namedmesh.naming import NamedShape, Rules, name_parts, name_regions, part_measures
 from namedmesh.parts_table import Parts, parts_of
+from namedmesh.periodic import PeriodicPair, across, linked_edges
 from namedmesh.refinement import refine
 from namedmesh.sides import connect_facets
 from namedmesh.size_field import labels_of, size_field, sizes_at_nodes
@@ -69,6 +70,8 @@ class Domain(Bodies):
         interface_map: What relates the nodes and cells of both, or None.
         places: Places of the corners of the cells [length], shape (cells, d+1, d), of a
             glued domain whose bodies keep their shapes, or None.
+        periodic: Pairs of sides at which copies follow each other, see
+            :meth:`with_periodic`.
 
     Raises:
         InputError: If the mesh does not fill its space, a cell cannot be split, names
@@ -208,7 +211,8 @@ class Domain(Bodies):
                 facets.
         """
         cell_tags, regions = name_regions(self, rules.regions)
-        result = replace(self, cell_tags=cell_tags, regions=regions)
+        # Parts with other facets are other sides of copies.
+        result = replace(self, cell_tags=cell_tags, regions=regions, periodic=())
         if rules.parts:
             taken = np.zeros(len(tag_table(self.facet_tags)), dtype=bool)
             if interfaces:
@@ -425,7 +429,47 @@ class Domain(Bodies):
             curved,
             whole,
             carried.interface_map(interfaces, of_sides, keep=self.places is not None),
+            periodic=self.periodic,
         )
+
+    def with_periodic(self, pairs: Sequence[PeriodicPair]) -> Domain:
+        """Return the domain with exactly these pairs of sides of copies; collective.
+
+        Refinement keeps the pairs: it splits both sides alike. On several ranks the
+        mesh is distributed anew, so that a side and its image are on one rank.
+
+        Args:
+            pairs: The pairs, whose facets match.
+
+        Raises:
+            InputError: If facets do not match, or bodies were joined that are apart,
+                and there are several ranks.
+
+        Example:
+            >>> pair = namedmesh.translated(block, "left", "right")
+            >>> here, there = block.with_periodic([pair]).facing("left", "right")
+            >>> len(here)
+            2
+        """
+        kept = zip(pairs, self.periodic, strict=False)
+        if len(pairs) == len(self.periodic) and all(a.is_near(b, self.extent) for a, b in kept):
+            return self
+        whole = self.whole
+        if self.comm.size > 1 and pairs:
+            if whole.places is not None:
+                raise InputError(
+                    "Bodies that were joined with apart= keep their places on one rank only beside"
+                    " periodic sides; run it on one rank, or join the bodies where they touch."
+                )
+            tag_sets = (whole.facet_tags, whole.cell_tags, whole.curved_facets)
+            ranks = across(whole, pairs)
+            mesh, tags = partition.redistribute(whole.mesh, *tag_sets, ranks=ranks)
+            facet_tags, cell_tags, curved = tags
+            whole = replace(
+                whole, mesh=mesh, facet_tags=facet_tags, cell_tags=cell_tags, curved_facets=curved
+            )
+        whole = replace(whole, periodic=tuple(pairs))
+        return whole.cut(self.interfaces) if self.interfaces else whole
 
     def refined(self, marked: np.ndarray | None = None) -> Domain:
         """Refine by bisection of longest edges (DOLFINx), conforming; collective.
@@ -446,7 +490,9 @@ class Domain(Bodies):
         cells = together(self.comm, checks.cells_to_refine, marked, self.owned_cells)
         if self.glued is not None and self.interface_map is not None:
             return self.glued.refined(self.interface_map.cells[cells]).cut(self.interfaces)
-        refinement = refine(self.mesh, cells, partition.partitioner(self.comm))
+        links = [linked_edges(self, pair, self.facing(*pair.names)) for pair in self.periodic]
+        axis = next((pair.axis for pair in self.periodic if pair.axis is not None), None)
+        refinement = refine(self.mesh, cells, partition.partitioner(self.comm), links, axis)
         fine = refinement.mesh
         facet_tags = refinement.inherit_tags(self.facet_tags)
         cell_tags = refinement.inherit_tags(self.cell_tags)
@@ -458,7 +504,7 @@ class Domain(Bodies):
             corners = self.mesh.geometry.x[cell_nodes(self.mesh.geometry)]
             places = refinement.places(corners, self.places)
         marks = None if self.marks is None else refinement.of_sides(self.marks)
-        return Domain(
+        finer = Domain(
             fine,
             facet_tags,
             self.names,
@@ -471,6 +517,7 @@ class Domain(Bodies):
             # Cells that were split still meet at facets where their parents did.
             _is_torn=True,
         )
+        return finer.with_periodic(self.periodic)
 
     def remeshed(self, sizes: npt.ArrayLike) -> Domain:
         """Mesh the true geometry again with other sizes, by gmsh on rank 0; collective.
@@ -489,8 +536,8 @@ class Domain(Bodies):
             The domain on the new mesh.
 
         Raises:
-            InputError: If the geometry is not known, a size is not > 0 and finite, or
-                gmsh fails.
+            InputError: If the geometry is not known, a size is not > 0 and finite, gmsh
+                fails, or the domain has periodic sides.
         """
         nodes = len(self.mesh.geometry.x)
         h = together(self.comm, sizes_at_nodes, sizes, nodes)
@@ -499,6 +546,12 @@ class Domain(Bodies):
                 "The true geometry of this domain is not known, only its mesh; refine it by "
                 "marking (strategy=Mark()), or make it by rectangle, box, from_gmsh, or "
                 "read_mesh of a .geo file."
+            )
+        if self.periodic:
+            raise InputError(
+                "A mesh that is made anew would not have matching facets at the periodic sides"
+                f" {' and '.join(self.periodic[0].names)}; refine the mesh by marking:"
+                " strategy=Mark(), or domain.refined(cells)."
             )
         if self.glued is not None and self.interface_map is not None:
             return self.glued.remeshed(self.interface_map.least(h)).cut(self.interfaces)

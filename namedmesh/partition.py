@@ -38,7 +38,12 @@ They are the volume of the cells, and that within the boundary.
 
 
 def vertex_patch_partitioner(
-    comm: MPI.Comm, parts: int, cell_types: Sequence[Any], cells: Sequence[np.ndarray]
+    comm: MPI.Comm,
+    parts: int,
+    cell_types: Sequence[Any],
+    cells: Sequence[np.ndarray],
+    *,
+    same: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Any:
     """Partition cells by DOLFINx's graph partitioner, with ghosts by shared vertices.
 
@@ -51,6 +56,8 @@ def vertex_patch_partitioner(
         parts: Number of parts, the size of ``comm``.
         cell_types: One simplex type.
         cells: One flat array of the cells' global vertices.
+        same: Global numbers of vertices, ascending, and of the vertices for which they
+            stand, the same on all ranks, shape (n,) each; None without any.
 
     Returns:
         Adjacency list cell -> ranks, the owner first (the C++ object that DOLFINx
@@ -59,7 +66,11 @@ def vertex_patch_partitioner(
     stock = cell_partitioner()(comm, parts, cell_types, cells)
     owner = np.asarray(stock.array, dtype=np.int64)
     vertices_per_cell = {"triangle": 3, "tetrahedron": 4}[cell_types[0].name]
-    vertex = np.asarray(cells[0], dtype=np.int64)
+    vertex = np.array(cells[0], dtype=np.int64)
+    if same is not None:
+        numbers, stand_for = same
+        places = np.flatnonzero(np.isin(vertex, numbers))
+        vertex[places] = stand_for[np.searchsorted(numbers, vertex[places])]
     cell = np.repeat(np.arange(len(owner)), vertices_per_cell)
     vertex_owners = _vertex_owners(comm, vertex, owner[cell])
 
@@ -157,13 +168,16 @@ def patches_complete(mesh: dmesh.Mesh) -> bool:
 
 
 def redistribute(
-    mesh: dmesh.Mesh, *tag_sets: dmesh.MeshTags | None
+    mesh: dmesh.Mesh,
+    *tag_sets: dmesh.MeshTags | None,
+    ranks: Any = vertex_patch_partitioner,
 ) -> tuple[dmesh.Mesh, list[dmesh.MeshTags | None]]:
     """Balance a mesh anew over the ranks, with complete vertex patches; collective.
 
     Args:
         mesh: The mesh.
         tag_sets: Tags of its cells or facets; None stays None.
+        ranks: Partitioner that gives the cells to ranks.
 
     Returns:
         The new mesh, and the tags on it in the order in which they were given.
@@ -173,7 +187,7 @@ def redistribute(
     x = mesh.geometry.x[: nodes.size_local, : mesh.geometry.dim]
     owned = mesh.topology.index_map(tdim).size_local
     cells = global_numbers(nodes, cell_nodes(mesh.geometry)[:owned])
-    new = distribute(lasting(mesh.comm), cells, x)
+    new = distribute(lasting(mesh.comm), cells, x, ranks)
     new_tags = [None if tags is None else _move_tags(tags, mesh, new) for tags in tag_sets]
     return new, new_tags
 

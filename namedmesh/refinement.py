@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +12,7 @@ from dolfinx import mesh as dmesh
 from namedmesh.base.communicators import lasting
 from namedmesh.base.ranks import fetch
 from namedmesh.base.releases import cell_nodes
+from namedmesh.periodic import close_alike, twisted
 from namedmesh.sides import connect_facets, facets_of_cells
 from namedmesh.tags import NO_TAG, tag_table, tags_of
 
@@ -94,7 +96,13 @@ class Refinement:
         return fetch(lasting(self.mesh.comm), rows, self.mesh.topology.original_cell_index[cells])
 
 
-def refine(mesh: dmesh.Mesh, cells: np.ndarray, partitioner: Any) -> Refinement:
+def refine(
+    mesh: dmesh.Mesh,
+    cells: np.ndarray,
+    partitioner: Any,
+    links: Sequence[np.ndarray] = (),
+    axis: tuple[tuple[float, ...], ...] | None = None,
+) -> Refinement:
     """Refine cells by bisection of longest edges (DOLFINx), conforming; collective.
 
     Which edge of a triangle is the longest must not depend on the numbers of the
@@ -108,6 +116,9 @@ def refine(mesh: dmesh.Mesh, cells: np.ndarray, partitioner: Any) -> Refinement:
         mesh: The mesh; it stays as it is.
         cells: Cells of this rank, shape (n,).
         partitioner: What gives the new cells to ranks; None leaves them where they are.
+        links: Numbers of edges of this rank and of edges that are split where they are,
+            shape (n, 2) each.
+        axis: In 3D a point and the direction of the axis around which such edges lie.
 
     Returns:
         The refined mesh and its parents.
@@ -122,10 +133,22 @@ def refine(mesh: dmesh.Mesh, cells: np.ndarray, partitioner: Any) -> Refinement:
         # A mesh in the plane stays there.
         shear[:2, 2] = 0
         shear[2, :2] = 0
+
+    def moved(x: np.ndarray) -> np.ndarray:
+        """Return points, moved so that no two edges of a cell are equal."""
+        return x @ shear if axis is None else twisted(x, axis)
+
     x = mesh.geometry.x.copy()
+    if links:
+        mesh.topology.create_connectivity(1, 0)
+        count = mesh.topology.index_map(1)
+        every = np.arange(count.size_local + count.num_ghosts, dtype=np.int32)
+        ends = moved(x)[dmesh.entities_to_geometry(mesh, 1, every)]
+        lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+        edges = close_alike(mesh, edges, lengths, links)
     kind = dmesh.RefinementOption.parent_cell_and_facet
     try:
-        mesh.geometry.x[:] = x @ shear
+        mesh.geometry.x[:] = moved(x)
         fine, parent_cell, parent_facet = dmesh.refine(mesh, edges, partitioner, kind)
     finally:
         mesh.geometry.x[:] = x
@@ -133,20 +156,22 @@ def refine(mesh: dmesh.Mesh, cells: np.ndarray, partitioner: Any) -> Refinement:
     # DOLFINx gives the local number of the facet in the old cell, -1 inside of it.
     parent_side = parent_facet.reshape(-1, tdim + 1)
     refinement = Refinement(fine, parent_cell, parent_side, facets_of_cells(mesh))
-    _set_coordinates(refinement, x[cell_nodes(mesh.geometry)[parent_cell]], shear)
+    _set_coordinates(refinement, x[cell_nodes(mesh.geometry)[parent_cell]], moved)
     return refinement
 
 
-def _set_coordinates(refinement: Refinement, corners: np.ndarray, shear: np.ndarray) -> None:
+def _set_coordinates(
+    refinement: Refinement, corners: np.ndarray, moved: Callable[[np.ndarray], np.ndarray]
+) -> None:
     """Set the nodes of a refined mesh; collective.
 
     Each is an old node, or the middle of two old ones.
 
     Args:
-        refinement: The refined mesh, in sheared coordinates.
+        refinement: The refined mesh, in the coordinates of moved points.
         corners: Corners of the old cell of each child made here [length], shape
             (children, d+1, 3).
-        shear: The shear.
+        moved: Returns where points were moved.
     """
     geometry = refinement.mesh.geometry
     nodes = cell_nodes(geometry)
@@ -155,7 +180,7 @@ def _set_coordinates(refinement: Refinement, corners: np.ndarray, shear: np.ndar
     _, first = np.unique(nodes, return_index=True)
     rows = corners.reshape(len(corners), vertices * 3)
     middle = _middles(refinement.of_cells(rows, first // vertices).reshape(-1, vertices, 3))
-    nearest = np.linalg.norm(middle @ shear - geometry.x[:, None], axis=2).argmin(axis=1)
+    nearest = np.linalg.norm(moved(middle) - geometry.x[:, None], axis=2).argmin(axis=1)
     geometry.x[:] = np.take_along_axis(middle, nearest[:, None, None], axis=1)[:, 0]
 
 

@@ -27,7 +27,7 @@ from namedmesh.bodies import Geometry
 from namedmesh.domain import Domain
 from namedmesh.drawings.kept import check_kept
 from namedmesh.naming import NamedShape, Rules
-from namedmesh.partition import distribute
+from namedmesh.partition import distribute, vertex_patch_partitioner
 from namedmesh.shape import SIDES, Brick, Drawing
 from namedmesh.sides import connect_facets, facets_of_cells
 from namedmesh.simplex import node_between, node_vertices
@@ -243,10 +243,16 @@ class CellRows(GivenCells):
         points: Places of all nodes [length], shape (n, 3), on rank 0.
         cells: Nodes of the cells, vertices first, shape (n, N), on rank 0.
         d: Dimension.
+        ranks: Partitioner that gives the cells to ranks.
     """
 
     def __init__(
-        self, comm: MPI.Comm, points: np.ndarray | None, cells: np.ndarray | None, d: int
+        self,
+        comm: MPI.Comm,
+        points: np.ndarray | None,
+        cells: np.ndarray | None,
+        d: int,
+        ranks: Any = vertex_patch_partitioner,
     ) -> None:
         self.comm = comm
         vertices = np.empty((0, d + 1), dtype=np.int64)
@@ -255,7 +261,7 @@ class CellRows(GivenCells):
             used, numbers = np.unique(cells[:, : d + 1], return_inverse=True)
             vertices = numbers.astype(np.int64)
             x = points[used, :d]
-        mesh = distribute(comm, vertices, np.ascontiguousarray(x))
+        mesh = distribute(comm, vertices, np.ascontiguousarray(x), ranks)
         connect_facets(mesh)
         self._rows_of_ranks = comm.gather(mesh.topology.original_cell_index)
         super().__init__(mesh, vertices)

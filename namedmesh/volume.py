@@ -317,7 +317,8 @@ def _solve(
     length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2).min(axis=1)
     np.minimum.at(shortest, simplices, length[:, None])
     size = np.linalg.norm(found, axis=1)
-    share = np.minimum(1.0, MOST_MOVE * shortest / np.maximum(size, np.finfo(float).tiny))
+    most = MOST_MOVE * shortest
+    share = np.divide(most, size, out=np.ones(len(size)), where=size > most)
     moves[free] = (share[:, None] * found)[free]
     return int((share[free] < 1.0).sum())
 

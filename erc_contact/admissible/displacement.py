@@ -21,6 +21,7 @@ from mpi4py import MPI
 
 from erc_contact.admissible.below import excess_over_gap, gap_limits
 from erc_contact.admissible.limits import Limits, limits_of
+from erc_contact.admissible.periodic import PeriodicFit
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.contact.foundation import ContactOnMesh
@@ -74,17 +75,25 @@ def admissible_displacement(
     sides: list[OnFacets] = list(contacts)
     sides += [contact.trace.there for contact in contacts]
     space.to_coefficients(values, sides)
-    gaps = [gap_limits(model, contact, values) for contact in contacts]
-    limits = [limits_of(model, *pair) for pair in zip(tractions, gaps, strict=True)]
     free = ~model.fixed
+    periodic = [contact for contact in contacts if contact.is_periodic]
+    fits = [PeriodicFit(space, periodic, ~model.supported)] if periodic else []
+    # Nothing is chosen at the sides of copies, whose jump is given.
+    tractions = [traction for traction in tractions if not traction.contact.is_periodic]
+    gaps = [gap_limits(model, traction.contact, values) for traction in tractions]
+    limits = [limits_of(model, *pair) for pair in zip(tractions, gaps, strict=True)]
     for traction, limit in zip(tractions, limits, strict=True):
         _set_status(model, values, free, traction, limit)
-    _limit_normal(values, free, tractions, limits)
+    excess = _limit_normal(values, free, tractions, limits, fits)
     for traction, limit in zip(tractions, limits, strict=True):
         if traction.contact.trace.corner_normals is not None:
-            _limit_between_nodes(space, u_hat, free, traction.contact, limit)
+            _limit_between_nodes(space, u_hat, free, traction.contact, limit, fits)
     space.to_coefficients(values, sides, back=True)
+    for fit in fits:
+        fit(values)
     u_hat.x.scatter_forward()
+    for fit in fits:
+        fit.check(values, excess)
     return u_hat
 
 
@@ -144,15 +153,17 @@ def _limit_normal(
     free: np.ndarray,
     tractions: list[ContactTraction],
     limits: list[Limits],
-) -> None:
-    """Lower normal displacements to their limits, in place.
+    fits: list[PeriodicFit],
+) -> float:
+    """Lower normal displacements to their limits, in place; return what is left of it.
 
     A node with several normals needs several passes, because a move along one of them
-    changes the displacement along the others.
+    changes the displacement along the others, and so does a node of periodic sides.
     """
     has_corners = len(tractions) > 1 or any(len(limit.groups) > 1 for limit in limits)
+    has_corners = has_corners or bool(fits)
     for _ in range(CORNER_PASSES):
-        worst = 0.0
+        worst = max([fit(values) for fit in fits], default=0.0)
         for traction, limit in zip(tractions, limits, strict=True):
             if traction.contact.stiffness is not None:
                 continue  # a compliant foundation limits nothing
@@ -164,10 +175,16 @@ def _limit_normal(
                 _move_normal(values, free, limit, beyond, limit.bound[beyond])
         if not has_corners or worst <= SETTLED_EXCESS * abs(values).max(initial=0.0):
             break
+    return worst
 
 
 def _limit_between_nodes(
-    space: Space, u_hat: fem.Function, free: np.ndarray, contact: ContactOnMesh, limit: Limits
+    space: Space,
+    u_hat: fem.Function,
+    free: np.ndarray,
+    contact: ContactOnMesh,
+    limit: Limits,
+    fits: list[PeriodicFit],
 ) -> None:
     """Lower u_n where it exceeds the gap between nodes, in place; collective.
 
@@ -181,6 +198,7 @@ def _limit_between_nodes(
         free: Components that no support fixes, shape (nodes, d).
         contact: A contact whose normals turn.
         limit: Its limits.
+        fits: What makes u^ fit across periodic sides.
     """
     if contact.bilateral or contact.stiffness is not None:
         return
@@ -201,6 +219,8 @@ def _limit_between_nodes(
             above = group[lower[group] > 0]
             w_n = limit.normal_displacement(values, above) - lower[above]
             _move_normal(values, free, limit, above, w_n)
+        for fit in fits:
+            fit(values)
 
 
 def _best_entry(

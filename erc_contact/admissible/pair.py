@@ -190,13 +190,14 @@ class Admissible:
     def at_profile_points(self, traction: ContactTraction) -> tuple[np.ndarray, np.ndarray]:
         """Return r^ and its friction bound at the points of a profile [force/area].
 
-        Their shapes are (f, q, d) and (f, q); the bound of a tied joint is infinite.
+        Their shapes are (f, q, d) and (f, q); the bound is infinite of a tied joint and
+        of sides of copies.
         """
         model = self.model
         points = profile_points(model.space)
         corners = traction.contact.trace.here.corners
         r = model.space.section.per_area(corners, traction.values, points)
-        if traction.contact in model.ties:
+        if model.carries_any_shear(traction.contact):
             return r, np.full(r.shape[:2], np.inf)
         return r, model.space.section.per_area(corners, traction.friction_bound, points)
 

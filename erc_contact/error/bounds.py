@@ -205,8 +205,8 @@ def work_of_loads(error: ConstitutiveError | Run) -> Bounds:
         An interval that begins with -2 J(u^) [force length].
 
     Raises:
-        InputError: If the scene has friction, given strains, a gap or a support that is
-            not zero.
+        InputError: If the scene has friction, given or mean strains, a gap or a support
+            that is not zero.
 
     Example:
         >>> bounds = ec.work_of_loads(loaded)  # the error of a scene with loads alone
@@ -228,12 +228,17 @@ def _raise_if_no_cone(scene: Scene) -> None:
         if support.is_moved:
             moved.append(support.facets)
     gaps = [contact.facets for contact in scene.contacts if callable(contact.gap) or contact.gap]
-    rough = [contact.facets for contact in scene.contacts if contact.law is not None]
+    rubbing = [contact for contact in scene.contacts if not contact.is_symmetry]
+    rough = [contact.facets for contact in rubbing if contact.law is not None]
+    strained_sides = [
+        contact.facets for contact in scene.contacts if getattr(contact, "mean_strain", None)
+    ]
     strained = [type(strain).__name__ for strain in scene.strains]
     obstacles = {
         "a support that is not zero": moved,
         "a gap": gaps,
         "friction": rough,
+        "a mean strain": strained_sides,
         "given strains": strained,
         "a preload": [tie.facets for tie in scene.ties if isinstance(tie, Preload)],
     }

@@ -114,7 +114,7 @@ class _ContactNodes:
     def jump(self, values: np.ndarray) -> np.ndarray:
         """Return phi, or its jump, of values (all nodes, d), shape (n, d)."""
         jump = values[self.nodes]
-        jump[self._facing] -= values[self._partners]
+        jump[self._facing] -= self.contact.trace.seen(values[self._partners])
         return jump
 
     def add(self, values: np.ndarray, change: np.ndarray) -> None:
@@ -124,7 +124,7 @@ class _ContactNodes:
         """
         there = np.where(self._moves_there, change, 0.0)
         values[self.nodes] += np.where(self._moves_there, 0.0, change)
-        values[self._partners] -= there[self._facing]
+        values[self._partners] -= self.contact.trace.sent(there[self._facing])
 
     def set_to_zero(self, values: np.ndarray, which: np.ndarray) -> None:
         """Set phi to zero at some of the nodes (n,), in place."""

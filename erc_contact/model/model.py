@@ -22,6 +22,7 @@ from erc_contact.model.contact.contacts import bind_contact
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.friction import PROPORTIONAL
 from erc_contact.model.contact.jumps import gap_by_coefficients
+from erc_contact.model.contact.periodic import periodic_pairs
 from erc_contact.model.contact.ties import bind_tie
 from erc_contact.model.data.symbolic import has_arguments, sum_of, varies_in_cells
 from erc_contact.model.data.users import try_material, try_potential
@@ -67,14 +68,15 @@ class Model:
 
     Args:
         scene: The scene.
-        domain: The mesh with names. It gets the tied joints of the scene.
+        domain: The mesh with names. It gets the tied joints of the scene, and the pairs
+            of its periodic sides.
         degree: Degree k of the displacement, 1 or 2.
         last: The last step of a history, after which friction counts the tangential
             displacement; None without.
 
     Attributes:
         scene: As given.
-        domain: The domain with the tied joints of the scene.
+        domain: The domain with the tied joints and periodic sides of the scene.
         space: The displacement's space on it.
         parameters: Parameters of the material, UFL.
         material: The linear law of the body; of a potential its linearisation.
@@ -128,7 +130,8 @@ class Model:
         self, scene: Scene, domain: Domain, degree: int = 1, last: LastStep | None = None
     ) -> None:
         section = Meridian if is_axisymmetric(scene.material) else Section
-        self.domain = domain.tied([tie.sides for tie in scene.ties])
+        tied = domain.tied([tie.sides for tie in scene.ties])
+        self.domain = tied.with_periodic(periodic_pairs(scene.contacts, tied))
         space = Space(self.domain, degree, section)
         self.space = space
         self.scene = scene
@@ -461,6 +464,10 @@ class Model:
     def can_open(self, contact: ContactOnMesh) -> bool:
         """Tell whether a contact or tied joint may open."""
         return not contact.bilateral and contact not in self.ties
+
+    def carries_any_shear(self, contact: ContactOnMesh) -> bool:
+        """Tell whether no friction bounds a tied joint, or the sides of copies."""
+        return contact.is_periodic or contact in self.ties
 
     def greatest_coefficient(self, contact: ContactOnMesh) -> float:
         """Return the greatest coefficient of Coulomb friction [-]; collective.

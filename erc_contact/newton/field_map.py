@@ -165,13 +165,13 @@ class FieldMap:
             rows: Global degrees of freedom that are read, shape (n,).
             change: The change to Bernstein coefficients at contact nodes; None without.
         """
-        d = self._model.space.d
         row, column, value = rows, rows, np.ones(len(rows))
         if contact is not None:
-            here, there = (dofs_of(nodes, d) for nodes in self._model.connections.pairs[contact].T)
-            row = np.concatenate([row, here])
-            column = np.concatenate([column, there])
-            value = np.concatenate([value, -np.ones(len(here))])
+            connections = self._model.connections
+            entries = connections.there_in_jumps(connections.pairs[contact])
+            row, column, value = (
+                np.concatenate(parts) for parts in zip((row, column, value), entries, strict=True)
+            )
         read = self._stiffness.basis.read(len(rows), places_of(row, rows), column, value)
         if change is None:
             return read

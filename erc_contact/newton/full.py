@@ -128,7 +128,8 @@ class FullSpace:
             total.x.array[:] += of_reader.x.array
             if reader.contact is not None:
                 here, there = self._pairs[reader.contact].T
-                reaction = of_reader.x.array.reshape(-1, d)[here]
+                trace = self.model.contacts[reader.contact].trace
+                reaction = trace.sent(of_reader.x.array.reshape(-1, d)[here])
                 np.subtract.at(total.x.array.reshape(-1, d), there, reaction)
         total.x.scatter_reverse(la.InsertMode.add)
         return total.x.array[: self.elastic.owned]

@@ -2,9 +2,9 @@
 
 The equations of a contact between bodies are forces on its jump ``w = B u``, and are
 derived by jumps and by u. With the derivative T, nodal forces are derived by nodal
-displacements as ``B^T T B`` or ``B^T T``. B has entries 1 and -1 only. So each entry of
-T goes to one, two or four places, with a sign, and all contacts are one assembly of
-entries at places that stay.
+displacements as ``B^T T B`` or ``B^T T``. B has entries 1 and -1 only, or between
+sectors I and a turn. So each entry of T goes to few places, with a factor, and all
+contacts are one assembly of entries at places that stay.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class NodeSum:
                 self._tangents.append((tangents, term))
                 places.append(_places(term, rows_read, columns_read))
         self._entries = [of_term.entry for of_term in places]
-        self._signs = np.concatenate([of_term.sign for of_term in places])
+        self._factors = np.concatenate([of_term.factor for of_term in places])
         rows = np.concatenate([of_term.row for of_term in places])
         columns = np.concatenate([of_term.column for of_term in places])
         self.matrix = matrix_of_ranks(model.space, rows, columns, np.zeros(len(rows)))
@@ -62,7 +62,7 @@ class NodeSum:
             for tangent in tangents:
                 fem.assemble_matrix(term, tangent)
             values.append(term.data[entry])
-        self.matrix.setValuesCOO(self._signs * np.concatenate(values))
+        self.matrix.setValuesCOO(self._factors * np.concatenate(values))
 
     def free(self) -> None:
         """Free the matrix."""
@@ -74,18 +74,33 @@ class _Places(NamedTuple):
 
     Attributes:
         entry: Number of the entry on this rank, shape (n,).
-        sign: Its sign there, shape (n,).
+        factor: Its factor there, shape (n,).
         row: Global degree of freedom of the force, shape (n,).
         column: Global degree of freedom of the displacement, shape (n,).
     """
 
     entry: np.ndarray
-    sign: np.ndarray
+    factor: np.ndarray
     row: np.ndarray
     column: np.ndarray
 
 
-def _nodes_read(model: Model, number: int | None) -> np.ndarray | None:
+class _Read(NamedTuple):
+    """Hold the nodes at which a contact has a jump.
+
+    Attributes:
+        here: Their global numbers, ascending, shape (n,).
+        there: The nodes of the other body, or ``NOBODY``, shape (n,).
+        turns: ``R^T``, by which the jump sees the other node, shape (n, d, d); None
+            where nothing turns.
+    """
+
+    here: np.ndarray
+    there: np.ndarray
+    turns: np.ndarray | None
+
+
+def _nodes_read(model: Model, number: int | None) -> _Read | None:
     """Gather the nodes at which a contact has a jump; collective.
 
     Args:
@@ -93,8 +108,7 @@ def _nodes_read(model: Model, number: int | None) -> np.ndarray | None:
         number: Number of the contact; None for displacements, which are at all nodes.
 
     Returns:
-        Their global numbers, ascending, with the nodes of the other body or ``NOBODY``,
-        shape (n, 2); None for displacements.
+        The nodes; None for displacements.
     """
     if number is None:
         return None
@@ -102,12 +116,10 @@ def _nodes_read(model: Model, number: int | None) -> np.ndarray | None:
     there = np.full(len(here), NOBODY)
     pairs = model.connections.pairs[number]
     there[np.searchsorted(here, pairs[:, 0])] = pairs[:, 1]
-    return np.column_stack([here, there])
+    return _Read(here, there, model.connections.turns(np.column_stack([here, there])))
 
 
-def _places(
-    term: la.MatrixCSR, rows_read: np.ndarray | None, columns_read: np.ndarray | None
-) -> _Places:
+def _places(term: la.MatrixCSR, rows_read: _Read | None, columns_read: _Read | None) -> _Places:
     """Find where the entries of a derivative go.
 
     Args:
@@ -121,22 +133,35 @@ def _places(
     local_rows = np.repeat(np.arange(len(term.indptr) - 1), np.diff(term.indptr))
     rows = row_map.local_to_global(local_rows.astype(np.int32))
     columns = column_map.local_to_global(term.indices)
-    block, row_sign, rows = _at_bodies(rows, rows_read)
-    of_columns, column_sign, columns = _at_bodies(columns[block], columns_read)
+    block, row_sign, rows, row_turns = _at_bodies(rows, rows_read)
+    of_columns, column_sign, columns, column_turns = _at_bodies(columns[block], columns_read)
     block, rows = block[of_columns], rows[of_columns]
+    sign = row_sign[of_columns] * column_sign
+    if row_turns is not None or column_turns is not None:
+        identity = np.broadcast_to(np.eye(d), (len(block), d, d))
+        left = identity if row_turns is None else row_turns[of_columns]
+        right = identity if column_turns is None else column_turns
+        # B^T T B of blocks: each entry of T counts in all entries of its block.
+        factors = sign[:, None, None, None, None] * np.einsum("nai,nbj->nabij", left, right)
+        number, a, b, i, j = np.nonzero(factors)
+        return _Places(
+            block[number] * d**2 + a * d + b,
+            factors[number, a, b, i, j],
+            rows[number] * d + i,
+            columns[number] * d + j,
+        )
 
     entry, row, column = np.broadcast_arrays(
         block[:, None, None] * d**2 + np.arange(d**2).reshape(d, d),
         rows[:, None, None] * d + np.arange(d)[:, None],
         columns[:, None, None] * d + np.arange(d),
     )
-    sign = np.repeat(row_sign[of_columns] * column_sign, d**2)
-    return _Places(entry.ravel(), sign, row.ravel(), column.ravel())
+    return _Places(entry.ravel(), np.repeat(sign, d**2), row.ravel(), column.ravel())
 
 
 def _at_bodies(
-    nodes: np.ndarray, read: np.ndarray | None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    nodes: np.ndarray, read: _Read | None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]:
     """Replace jumps by the displacements of both sides.
 
     Away from the contact no form of the jump has entries but round-off.
@@ -146,11 +171,12 @@ def _at_bodies(
         read: The nodes of the contact, as :func:`_nodes_read` returns them.
 
     Returns:
-        For each displacement the number of its jump, the sign, and its node.
+        For each displacement the number of its jump, the sign, its node, and the turn
+        by which the jump sees it; None where nothing turns.
     """
     if read is None:
-        return np.arange(len(nodes)), np.ones(len(nodes)), nodes
-    here, there = read.T
+        return np.arange(len(nodes)), np.ones(len(nodes)), nodes, None
+    here, there, turns_there = read
     place = np.minimum(np.searchsorted(here, nodes), len(here) - 1)
     on_this_side = np.flatnonzero(here[place] == nodes)
     partners = there[place[on_this_side]]
@@ -158,4 +184,10 @@ def _at_bodies(
     on_other_side = on_this_side[faces]
     number = np.concatenate([on_this_side, on_other_side])
     sign = np.repeat([1.0, -1.0], [len(on_this_side), len(on_other_side)])
-    return number, sign, np.concatenate([nodes[on_this_side], partners[faces]])
+    turns = None
+    if turns_there is not None:
+        identity = np.broadcast_to(
+            np.eye(turns_there.shape[1]), (len(on_this_side), *turns_there.shape[1:])
+        )
+        turns = np.concatenate([identity, turns_there[place[on_other_side]]])
+    return number, sign, np.concatenate([nodes[on_this_side], partners[faces]]), turns

@@ -73,7 +73,8 @@ class MultiplierMap:
         free = ~gather_prescribed(space, nodes, model.fixed)
         # Where a contact ends inside a body there is no jump, as where supports fix it.
         free[np.isin(nodes, model.connections.ends)] = False
-        self.groups = Groups(rows.here, rows.there, nodes, free)
+        frames = model.connections.frames(nodes)
+        self.groups = Groups(rows.here, rows.there, nodes, free, frames)
         self._dofs = dofs_of(nodes, space.d)
         of_rows = (self.groups.group_of_row, slice(None), self.groups.slot_of_row)
         self.free = self.groups.jumps[of_rows].any(axis=2)

@@ -409,13 +409,14 @@ class Solution:
     def _at_profile_points(self, contact: ContactOnMesh) -> tuple[np.ndarray, np.ndarray]:
         """Return traction and friction bound at the points of a profile [force/area].
 
-        Their shapes are (f, q, d) and (f, q); the bound of a tied joint is infinite.
+        Their shapes are (f, q, d) and (f, q); the bound is infinite of a tied joint and
+        of sides of copies.
         """
         space = self.model.space
         points = profile_points(space)
         r = profile_traction(space, contact, self.traction(contact))
         pressure = -split(r, contact.trace.normals_at(points)).normal
-        if contact in self.model.ties:
+        if self.model.carries_any_shear(contact):
             return r, np.full_like(pressure, np.inf)
         return r, self._bound(contact, np.maximum(pressure, 0.0), points)
 

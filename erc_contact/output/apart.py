@@ -38,8 +38,9 @@ Two normals with an angle of 0.2 between them have this share.
 
 
 def pairs_of(contacts: Sequence[WholeContact]) -> list[WholeContact]:
-    """Return the contacts that are between two bodies."""
-    return [contact for contact in contacts if len(contact.partners) > 0]
+    """Return the contacts that are between two bodies, which are no copies."""
+    pairs = [contact for contact in contacts if len(contact.partners) > 0]
+    return [pair for pair in pairs if not pair.traction.contact.is_periodic]
 
 
 def bodies_of(body: Mapping[str, np.ndarray]) -> np.ndarray:

@@ -26,6 +26,7 @@ from erc_contact.output.drawing import (
 from erc_contact.output.files import PARTS
 from erc_contact.output.gathered import AXIS, WholeContact, whole_contact
 from erc_contact.output.placing import panels
+from erc_contact.scene.periodic import Held
 from namedmesh.base.names import in_picture, known_names
 from namedmesh.pictures import draw_figure, subdivide
 from namedmesh.simplex import bernstein
@@ -119,8 +120,8 @@ def contact_curves(surface: WholeContact, ax: Any = None) -> Any:
     line = _Samples(surface, abscissa)
     with panels("plot_contact in 2D", ax, [CURVES_SIZE]) as (axes,):
         _draw_strips(axes, abscissa, status)
-        # A tied joint has no bound, and without friction there is no shear.
-        limited = bool(np.isfinite(traction.friction_bound).all())
+        # Joints and copies have no bound, and without friction there is no shear.
+        limited = bool((traction.friction_bound < 0.5 * Held.LIMIT).all())
         has_shear = bool(traction.friction_bound.any())
         if limited and has_shear:
             bound = line.path(line.curve(traction.friction_bound))

@@ -205,8 +205,13 @@ def whole_contacts(admissible: Admissible) -> list[WholeContact]:
 
 
 def is_symmetry(contact: WholeContact) -> bool:
-    """Tell whether a contact is a plane of symmetry, which has no foundation."""
+    """Tell whether a contact is a plane of symmetry, or a side of copies.
+
+    They have no foundation.
+    """
     data = contact.traction.contact
+    if data.is_periodic:
+        return True
     plain = data.friction is None and data.gap is None and len(contact.partners) == 0
     return data.bilateral and plain
 
@@ -215,7 +220,12 @@ def colours_in_words(contacts: Sequence[WholeContact]) -> str:
     """Say what the colours of lines in a picture mean."""
     symmetries = [is_symmetry(contact) for contact in contacts]
     words = "" if all(symmetries) else "\norange: closed contact"
-    return words + ("\nblue: plane of symmetry" if any(symmetries) else "")
+    kinds = set()
+    for contact in contacts:
+        if is_symmetry(contact):
+            is_periodic = contact.traction.contact.is_periodic
+            kinds.add("sides of copies" if is_periodic else "plane of symmetry")
+    return words + (f"\nblue: {', '.join(sorted(kinds))}" if kinds else "")
 
 
 def body_nodes(space: Space) -> dict[str, np.ndarray]:

@@ -3,7 +3,8 @@
 Supports, contacts and loads exert them. Of a part of a symmetric body they are
 multiplied to forces on the whole body. The planes of symmetry of a scene make copies of
 the body by reflections, which form a group: of one plane 2, of two planes at a right
-angle 4, of two planes at 30 degrees 12.
+angle 4, of two planes at 30 degrees 12. Cyclic sides make copies by turns, one for each
+sector.
 """
 
 from __future__ import annotations
@@ -86,14 +87,15 @@ def _body_force(pair: Admissible) -> Force:
 def whole_force(result: Any, part: str) -> Force:
     """Compute the force on all copies of a boundary part; collective.
 
-    The copies are those by the planes of :class:`erc_contact.Symmetry`, not of rollers.
+    The copies are those by the planes of :class:`erc_contact.Symmetry`, not of rollers,
+    and the sectors of :class:`erc_contact.Cyclic`.
 
     Args:
         result: An admissible pair, an error, or a history.
         part: Name of a boundary part.
 
     Raises:
-        InputError: If the scene has no such plane, or they do not close a body.
+        InputError: If the scene has none of them, or they do not close a body.
     """
     model = pair_of(result).model
     of_part = force(result, part)
@@ -116,17 +118,22 @@ def whole_force(result: Any, part: str) -> Force:
 def _copies(model: Model) -> list[tuple[np.ndarray, np.ndarray]]:
     """Return the motions ``x -> R x + t`` of the copies; collective."""
     names = [entry.facets for entry in model.scene.contacts if isinstance(entry, Symmetry)]
-    if not names:
-        raise InputError("whole_force: this scene has no Symmetry; force() has the force.")
-    reflections = [_reflection(model, name) for name in names]
+    steps = [_reflection(model, name) for name in names]
+    for pair in model.domain.periodic:
+        if pair.turns:
+            steps.append((np.array(pair.rotation), np.array(pair.shift)))
+    if not steps:
+        raise InputError(
+            "whole_force: this scene has no Symmetry and no Cyclic; force() has the force."
+        )
     d = model.space.d
     motions = [(np.eye(d), np.zeros(d))]
     newest = motions
     while newest:
         further: list[tuple[np.ndarray, np.ndarray]] = []
         for linear, shift in newest:
-            for reflection, offset in reflections:
-                motion = reflection @ linear, reflection @ shift + offset
+            for step, offset in steps:
+                motion = step @ linear, step @ shift + offset
                 if not any(_same(model.space, motion, known) for known in motions + further):
                     further.append(motion)
         motions = motions + further
@@ -134,7 +141,8 @@ def _copies(model: Model) -> list[tuple[np.ndarray, np.ndarray]]:
         if len(motions) > MOST_COPIES:
             raise InputError(
                 "whole_force: the planes of symmetry do not close a body: the angle between two of"
-                " them is no whole fraction of 180 degrees, or they are parallel."
+                " them is no whole fraction of 180 degrees, or they are parallel, or beside Cyclic"
+                " sides."
             )
     return motions
 

@@ -49,7 +49,7 @@ STATE = {
     "seconds": "seconds",
 }
 """Name in the file -> attribute of a solution, for what is kept beside its fields."""
-MESH = ("degree", "names", "regions", "geometry", "tags", "interfaces")
+MESH = ("degree", "names", "regions", "geometry", "tags", "interfaces", "periodic")
 """What a level tells of its mesh beside the tables."""
 TABLES = ("VTKHDF/Points", "cells", "facets", "regions", "curved", "glued", "closed")
 """The tables of a mesh."""

@@ -5,13 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import inf
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Value
 from erc_contact.scene.checks import check_name, check_value, check_vector
 from erc_contact.scene.law import Coulomb, Law
 from erc_contact.scene.words import names_of_sides
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from namedmesh import Domain, PeriodicPair
 
 
 @dataclass(frozen=True, init=False)
@@ -137,6 +142,9 @@ class Contact:
     foundation: Foundation | None = None
     motion: Sequence[Value] | None = None
 
+    is_symmetry: ClassVar[bool] = False
+    """Whether it stands for the rest of a body, and may be among the supports."""
+
     def __post_init__(self) -> None:
         """Check the arguments, and make a normal in numbers a unit vector."""
         check_name("Contact", self.facets)
@@ -238,6 +246,23 @@ class Contact:
                 " foundation."
             )
 
+    def pair_on(self, domain: Domain) -> PeriodicPair | None:
+        """Return the motion between its sides, if they are sides of copies, else None.
+
+        Args:
+            domain: The mesh with names.
+        """
+        return None
+
+    def placed(self, pair: PeriodicPair, normal: np.ndarray) -> Contact:
+        """Return the contact with what its sides have on a mesh; sides of copies do.
+
+        Args:
+            pair: The sides with the motion between them.
+            normal: Mean normal out of the first side [-].
+        """
+        return self
+
     @property
     def sides(self) -> tuple[str, ...]:
         """Return the names of its one or two boundary parts."""
@@ -273,6 +298,7 @@ class Symmetry(Contact):
         (Symmetry(facets='left'),)
     """
 
+    is_symmetry: ClassVar[bool] = True
     against: str | None = field(default=None, init=False, repr=False)
     friction: Value | Law = field(default=0.0, init=False, repr=False)
     gap: Value = field(default=0.0, init=False, repr=False)

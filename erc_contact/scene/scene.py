@@ -15,7 +15,7 @@ from typing import Any
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.scene.checks import round_off
-from erc_contact.scene.contact import Contact, Symmetry
+from erc_contact.scene.contact import Contact
 from erc_contact.scene.load import LOAD_MEMBERS, Drive, Load
 from erc_contact.scene.material import (
     PLANE_STRAIN,
@@ -66,7 +66,8 @@ class Scene:
     Args:
         material: :class:`Elastic`, or a class of the user's with the same methods; or a
             mapping of regions to such materials, which differ in numbers only.
-        supports: Prescribed displacements, and planes of symmetry.
+        supports: Prescribed displacements, planes of symmetry, and periodic and cyclic
+            sides.
         loads: Tractions and body forces; several on one part add up.
         contacts: Contacts with rigid foundations, or between bodies.
         strains: Strains of heat and others that no stress causes; they add up.
@@ -167,16 +168,19 @@ class Scene:
                 refuse_potential(self.material, what, FROM_REST)
 
     def _move_symmetries(self) -> None:
-        """Move planes of symmetry from the supports to the contacts."""
+        """Move planes of symmetry and sides of copies to the contacts."""
         lists: dict[str, tuple[Any, ...]] = {}
         for name in ("supports", "contacts"):
             value: Any = getattr(self, name)
             lists[name] = tuple(value) if isinstance(value, list | tuple) else (value,)
-        symmetries = tuple(entry for entry in lists["supports"] if isinstance(entry, Symmetry))
+        supports: list[Any] = []
+        symmetries: list[Any] = []
+        for entry in lists["supports"]:
+            is_symmetry = getattr(entry, "is_symmetry", False)
+            (symmetries if is_symmetry else supports).append(entry)
         if symmetries:
-            supports = [entry for entry in lists["supports"] if entry not in symmetries]
             object.__setattr__(self, "supports", tuple(supports))
-            object.__setattr__(self, "contacts", lists["contacts"] + symmetries)
+            object.__setattr__(self, "contacts", (*lists["contacts"], *symmetries))
 
     def _check_entries(self, name: str) -> None:
         """Check the entries of a list by its name, and make a tuple of them.

@@ -132,7 +132,7 @@ class Eigenstrain:
         """Check the arguments."""
         check_region("Eigenstrain", self.region)
         if not isinstance(self.value, Mapping):
-            object.__setattr__(self, "value", _check_strain("Eigenstrain", self.value))
+            object.__setattr__(self, "value", check_strain("Eigenstrain", self.value))
             return
         if self.region is not None or not self.value:
             raise InputError(
@@ -143,7 +143,7 @@ class Eigenstrain:
         values = {}
         for region, value in self.value.items():
             check_region("Eigenstrain", region)
-            values[region] = _check_strain(f"Eigenstrain in {region!r}", value)
+            values[region] = check_strain(f"Eigenstrain in {region!r}", value)
         object.__setattr__(self, "value", values)
 
     def strain(self, x: Ufl, value: Ufl) -> Ufl:
@@ -151,7 +151,7 @@ class Eigenstrain:
         return value
 
 
-def _check_strain(what: str, value: Any) -> Any:
+def check_strain(what: str, value: Any) -> Any:
     """Return a strain that is a number, a callable or a tensor, whose rows are tuples.
 
     Args:

@@ -81,8 +81,11 @@ def _vector(value: Any) -> str:
 
 def _contact(contact: Any) -> str:
     """Return a contact in words."""
-    if type(contact).__name__ == "Symmetry":
+    kind = type(contact).__name__
+    if kind == "Symmetry":
         return "plane of symmetry"
+    if kind in ("Periodic", "Cyclic"):
+        return _object(contact)
     law = contact.law
     if law is None:
         friction = "no friction"

@@ -9,7 +9,7 @@ Symbols: d dimension, n number of nodes, c number of cells, N nodes of a cell.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ from namedmesh.interface_map import Interface
 from namedmesh.keeping.checked import check_mesh
 from namedmesh.keeping.packed import Contents, Damaged, pack, unpack
 from namedmesh.naming import Rules
+from namedmesh.periodic import PeriodicPair, across
 from namedmesh.pictures.grids import body_mesh, vtk_cells
 from namedmesh.tables import (
     CellRows,
@@ -128,6 +129,7 @@ def about_mesh(domain: Domain, tags: Mapping[str, np.ndarray]) -> dict[str, Any]
         "geometry": domain.comm.bcast(describe_shape(domain.geometry)),  # its text is on rank 0
         "tags": sorted(tags),
         "interfaces": [asdict(interface) for interface in domain.interfaces],
+        "periodic": [asdict(pair) for pair in domain.periodic],
     }
 
 
@@ -169,6 +171,14 @@ def mesh_of(
     rows = CellRows(comm, points, cells, about["dim"])
     kept_places = rows.of_corners(places) if keep_shapes else None
     domain = _domain(contents, rows, kept_places, shape)
+    pairs = tuple(PeriodicPair.of(plain) for plain in about.get("periodic", ()))
+    if pairs and comm.size > 1:
+        # A side and its image are to be on one rank; the first mesh tells which are.
+        ranks = across(domain, pairs, domain.mesh.geometry.input_global_indices)
+        rows = CellRows(comm, points, cells, about["dim"], ranks)
+        domain = _domain(contents, rows, None, shape)
+    if pairs:
+        domain = replace(domain, periodic=pairs)
     if not is_split:
         return rows, domain
     split = domain.cut(tuple(Interface.of(plain) for plain in about["interfaces"]))

@@ -92,6 +92,29 @@ def test_a_history_from_rest_and_back(degree, caplog):
     assert not caplog.records
 
 
+def test_data_that_vanish_at_the_time_zero_are_nothing():
+    """UFL makes zero of ``t x`` at t = 0: loads, pressures and heat that begin there."""
+
+    def at(t):
+        return ec.Scene(
+            ec.Elastic(1.0, 0.3),
+            ec.Displacement("left", (0.0, 0.0)),
+            [
+                ec.Traction("top", lambda x: (t * x[0], 0.0)),
+                ec.Traction("right", pressure=lambda x: t * x[1]),
+                ec.BodyForce(lambda x: (0.0, t * x[0])),
+            ],
+            strains=ec.ThermalStrain(1.0, lambda x: t * x[0]),
+        )
+
+    body = ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(4, 2))
+    evolution = ec.evolve(at, body, times=[0.0, 1e-3], accuracy=0.9)
+    first, second = (error.solution for error in evolution.errors)
+    assert not first.u.x.array.any()
+    alone = ec.solve(at(1e-3), second.domain)
+    assert np.allclose(alone.u.x.array, second.u.x.array, rtol=1e-10, atol=1e-16)
+
+
 def test_released_curved_body_makes_no_meshes():
     """Its facets do not represent the gap, and all of its error would be relative to nothing."""
 

@@ -14,6 +14,7 @@ from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from erc_contact.model.contact.frames import check_alike, frames_of
 from erc_contact.model.contact.groups import Groups
 from erc_contact.model.contact.trace import NOBODY, Trace, dofs_of
 from erc_contact.model.data.over_ranks import matrix_of_common_entries, product
@@ -59,7 +60,10 @@ class Connections:
         there = np.concatenate([between[:, 1], np.full(len(on_foundations), NOBODY)])
         self._pair_count = len(between)
         free = ~gather_prescribed(space, numbers, fixed)
-        self.groups = Groups(here, there, numbers, free)
+        rotations = [trace.rotation for trace in traces]
+        frames = frames_of(self.pairs, rotations, numbers, space.d)
+        check_alike(frames, free)
+        self.groups = Groups(here, there, numbers, free, frames)
         self._free = free
 
     @cached_property
@@ -153,11 +157,50 @@ class Connections:
         Args:
             pairs: Global numbers of the nodes, all first ones different, shape (p, 2).
         """
-        here, there = (dofs_of(nodes, self._space.d) for nodes in pairs.T)
-        rows = np.tile(here, 2)
-        columns = np.concatenate([here, there])
-        values = np.repeat([1.0, -1.0], len(here))
-        return matrix_of_common_entries(self._space, (rows, columns, values), here)
+        here = dofs_of(pairs[:, 0], self._space.d)
+        rows, columns, values = self.there_in_jumps(pairs)
+        entries = (
+            np.concatenate([here, rows]),
+            np.concatenate([here, columns]),
+            np.concatenate([np.ones(len(here)), values]),
+        )
+        return matrix_of_common_entries(self._space, entries, here)
+
+    def there_in_jumps(self, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return what jumps of pairs read of their second nodes, ``-u`` or ``-R^T u``.
+
+        Args:
+            pairs: Global numbers of the nodes, shape (p, 2).
+
+        Returns:
+            Degrees of freedom of the first nodes and of the second nodes, and values,
+            of entries that add up.
+        """
+        d = self._space.d
+        here, there = (nodes[:, None] * d + np.arange(d) for nodes in pairs.T)
+        turns = self.turns(pairs)
+        if turns is None:
+            return here.ravel(), there.ravel(), -np.ones(here.size)
+        rows, columns = np.broadcast_arrays(here[:, :, None], there[:, None])
+        return rows.ravel(), columns.ravel(), -turns.ravel()
+
+    def turns(self, pairs: np.ndarray) -> np.ndarray | None:
+        """Return ``R^T`` of pairs of nodes, (p, d, d); None where nothing turns."""
+        frames = self.frames(pairs.ravel())
+        if frames is None:
+            return None
+        here, there = frames.reshape(*pairs.shape, *frames.shape[1:]).swapaxes(0, 1)
+        return np.matmul(here.swapaxes(1, 2), there)
+
+    def frames(self, numbers: np.ndarray) -> np.ndarray | None:
+        """Return the frames of nodes, of which some may be in no pair, (n, d, d)."""
+        groups = self.groups
+        if groups.frames is None:
+            return None
+        frames = np.tile(np.eye(self._space.d), (len(numbers), 1, 1))
+        is_paired = np.isin(numbers, groups.numbers)
+        frames[is_paired] = groups.frames[np.searchsorted(groups.numbers, numbers[is_paired])]
+        return frames
 
     def pairs_at(self, numbers: np.ndarray) -> np.ndarray:
         """Return the pairs whose first node is among some nodes, shape (p, 2).

@@ -25,7 +25,7 @@ from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.contact.drawn_apart import DrawnApart, between_surfaces
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.friction import Friction, bind_friction
-from erc_contact.model.contact.friction_set import DISC, Disc, Ellipse
+from erc_contact.model.contact.friction_set import DISC, WHOLE, Disc, Ellipse
 from erc_contact.model.contact.normals import (
     SAME_NORMAL,
     gap_vectors,
@@ -33,6 +33,7 @@ from erc_contact.model.contact.normals import (
     normals_of_side,
     turns,
 )
+from erc_contact.model.contact.periodic import placed, rotation_of
 from erc_contact.model.contact.trace import Side, Trace
 from erc_contact.model.data.symbolic import sum_of
 from erc_contact.model.data.users import call_of_user, scalar
@@ -42,6 +43,7 @@ from erc_contact.model.space import Space
 from erc_contact.scene.contact import Contact
 from erc_contact.scene.law import Law
 from erc_contact.scene.material import parameter
+from erc_contact.scene.periodic import HELD
 from namedmesh.base.checks import positive
 from namedmesh.base.ranks import greatest
 from namedmesh.simplex import lagrange, nodes, rule
@@ -71,10 +73,10 @@ def bind_contact(
         InputError: If gap, normal or friction are no numbers, or cannot be worked with,
             or the last step was one of another body.
     """
+    contact = placed(space, contact)
     part, here, there = _sides(space, contact, modulus)
     facets = here.facets
-    is_exchanged = part != contact.facets
-    sign = -1.0 if is_exchanged else 1.0
+    sign = 1.0 if part == contact.facets else -1.0
     what = f"Contact({contact.facets!r})"
     surface = _true_surface(space, contact)
     gaps = []
@@ -94,7 +96,13 @@ def bind_contact(
             field, of_gap = normal_field(space, facets, gap_vectors(space, here, of_corners))
             gaps = [ufl.sqrt(ufl.dot(field, field)) * gaps[0]]
     given_gaps = gaps.copy()
-    trace = Trace(here, there, normals.direction, corner_normals=of_corners)
+    trace = Trace(
+        here,
+        there,
+        normals.direction,
+        corner_normals=of_corners,
+        rotation=rotation_of(space, contact),
+    )
     apart = DrawnApart()
     if space.domain.distance(contact.facets, contact.against) > 0:
         apart = _drawn_apart(space, trace, normal)
@@ -107,10 +115,10 @@ def bind_contact(
         given_gaps.append(gaps[-1])
     friction = _friction(space, contact, facets, normals.direction)
     stiffnesses = _stiffnesses(space, contact, part, what)
-    # Friction alone remembers where the contact was.
+    # Friction alone remembers where the contact was; copies are where they belong.
     before = None
     lost = None
-    if last is not None and friction is not None:
+    if last is not None and friction is not None and contact.law is not HELD:
         before, lost = last.on(space, contact.facets, trace, sign)
     moved = None
     if motion is not None:
@@ -120,7 +128,7 @@ def bind_contact(
     return ContactOnMesh(
         name=contact.facets,
         against=contact.against,
-        is_exchanged=is_exchanged,
+        is_exchanged=part != contact.facets,
         trace=replace(trace, before=before),
         ds=space.ds(space.domain.tag(part)),
         normal=normal,
@@ -162,7 +170,8 @@ def _sides(space: Space, contact: Contact, modulus: Ufl) -> tuple[str, Side, Sid
     Nitsche's method tests the stress on this side. So it is the side of the softer
     body: with the stress of a much stiffer body Newton's method hardly converges. Of
     bodies with the same modulus it is the side with the later name. So the order in
-    which the scene names them changes nothing.
+    which the scene names them changes nothing. Sides of copies are of one body, and
+    stay as they are named.
     """
     if contact.against is None:
         here = space.side(space.domain.facets(contact.facets), modulus)
@@ -170,6 +179,8 @@ def _sides(space: Space, contact: Contact, modulus: Ufl) -> tuple[str, Side, Sid
     facets, facing = space.domain.facing(contact.facets, contact.against)
     here = space.side(facets, modulus)
     there = space.side(facing, modulus)
+    if contact.law is HELD:
+        return contact.facets, here, there
     of_here, of_there = _mean_moduli(space, here, there)
     is_later = contact.against > contact.facets
     if abs(of_here - of_there) > SAME_MODULUS * of_there:
@@ -233,7 +244,7 @@ def _allowed(
     """
     axes = getattr(law, "axes", None)
     if axes is None:
-        return DISC
+        return WHOLE if law is HELD else DISC
     what = f"Contact({contact.facets!r}): {type(law).__name__}"
     if space.d == 2:
         raise InputError(

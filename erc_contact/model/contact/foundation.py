@@ -12,7 +12,7 @@ from dolfinx import fem
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.contact.friction import Friction
-from erc_contact.model.contact.friction_set import DISC, Disc
+from erc_contact.model.contact.friction_set import DISC, WHOLE, Disc
 from erc_contact.model.contact.trace import Trace
 from erc_contact.model.data.symbolic import has_arguments, varies_in_cells
 from erc_contact.scene.law import project
@@ -69,7 +69,8 @@ class ContactOnMesh:
         gap_vectors: M at the vertices of the facets [-], shape (f, d, d); None where
             the gap is what the scene gives.
         moved: Displacement of the foundation at the nodes of the contact, zero off it
-            [length]; None without a motion. ``gap`` and the trace contain it.
+            [length]; None without a motion. Of periodic sides it is the jump that a
+            mean strain gives. ``gap`` and the trace contain it.
         between: Vectors from the vertices of the facets to their partners of the other
             body [length], shape (f, d, d), of which ``gap`` has the normal part; None
             where both sides are in one place.
@@ -203,6 +204,11 @@ class ContactOnMesh:
     def friction_set(self) -> Disc:
         """Return the set of tangential tractions that its law allows."""
         return DISC if self.friction is None else self.friction.allowed
+
+    @property
+    def is_periodic(self) -> bool:
+        """Tell whether its sides are sides of copies of a body."""
+        return self.friction_set is WHOLE
 
     def with_shares(self, friction: Ufl, gap: Ufl) -> ContactOnMesh:
         """Return the contact with factors, by which a solver goes in steps.

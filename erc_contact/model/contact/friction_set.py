@@ -162,8 +162,21 @@ class Ellipse(Disc):
         return axis - share * (middle + n)
 
 
+class Whole(Disc):
+    """Hold the set of all tangential tractions, whose slip is zero.
+
+    A bound beyond reach stands for none. Work on the slip is zero, as the slip is.
+    """
+
+    def support(self, w_t: np.ndarray, n: np.ndarray, facet: Facets = ALL) -> np.ndarray:
+        """Return zeros, shape (n, q)."""
+        return np.zeros(w_t.shape[:-1])
+
+
 DISC = Disc()
 """The set of isotropic friction, and of a contact without friction."""
+WHOLE = Whole()
+"""The set between copies of a body, which nothing draws apart."""
 
 
 def _stretched(vectors: np.ndarray, axis: np.ndarray, factor: float) -> np.ndarray:

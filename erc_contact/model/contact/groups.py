@@ -16,6 +16,11 @@ Example:
     The pair of nodes 3 and 8, both free, has B = (1, -1) and P = ((1, -1), (-1, 1))/2.
     If a support fixes node 8, B = (1, 0) and P = ((1, 0), (0, 0)).
 
+Sides of sectors are turned against each other. Then all here is in the frame of the
+group: Q u of each node, with Q of the first node I and ``Q_there = Q_here R^T`` along a
+pair. So components do not mix; they do in matrices between nodes, and in rows, whose w
+is in the frame of the node on this side.
+
 Symbols: n rows, N nodes, G groups, R rows of a group, C nodes of a group, d dimension.
 """
 
@@ -43,6 +48,7 @@ class Groups:
             (n,).
         numbers: Global numbers of all these nodes, ascending, shape (N,).
         free: Components that no support fixes, shape (N, d).
+        frames: Q of each node, shape (N, d, d); None where nothing turns.
 
     Attributes:
         numbers: As given.
@@ -56,7 +62,12 @@ class Groups:
     """
 
     def __init__(
-        self, here: np.ndarray, there: np.ndarray, numbers: np.ndarray, free: np.ndarray
+        self,
+        here: np.ndarray,
+        there: np.ndarray,
+        numbers: np.ndarray,
+        free: np.ndarray,
+        frames: np.ndarray | None = None,
     ) -> None:
         is_pair = there != NOBODY
         first = np.searchsorted(numbers, here)
@@ -64,6 +75,8 @@ class Groups:
         component = components(len(numbers), np.column_stack([first[is_pair], second]))
         _, self.group = np.unique(component, return_inverse=True)
         self.numbers = numbers
+        self.frames = frames
+        self._first = first
         self.slot = numbers_in(self.group)
         self.group_of_row = self.group[first]
         self.slot_of_row = numbers_in(self.group_of_row)
@@ -153,10 +166,11 @@ class Groups:
             blocks: Its blocks, shape (G, d, C, C).
         """
         group, component, i, j = np.nonzero(blocks)
+        values = blocks[group, component, i, j]
+        nodes = self._table[group, i], self._table[group, j]
+        place, row, column, values = self._turned(*nodes, component, values)
         d = blocks.shape[1]
-        rows = self._table[group, i] * d + component
-        columns = self._table[group, j] * d + component
-        return rows, columns, blocks[group, component, i, j]
+        return nodes[0][place] * d + row, nodes[1][place] * d + column, values
 
     def columns_of(
         self, blocks: np.ndarray, used: np.ndarray, column_of: np.ndarray
@@ -172,8 +186,11 @@ class Groups:
             Global degrees of freedom, numbers of columns, and values.
         """
         group, component, i, k = np.nonzero(used)
-        rows = self._table[group, i] * blocks.shape[1] + component
-        return rows, column_of[group, component, k], blocks[group, component, i, k]
+        values = blocks[group, component, i, k]
+        nodes = self._table[group, i]
+        place, row, _, values = self._turned(nodes, None, component, values)
+        columns = column_of[group, component, k][place]
+        return nodes[place] * blocks.shape[1] + row, columns, values
 
     def from_nodes(self, blocks: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return rows, columns and values of a matrix from nodes to the rows of B.
@@ -187,9 +204,37 @@ class Groups:
         """
         of_rows = blocks[self.group_of_row, :, self.slot_of_row]
         row, component, j = np.nonzero(of_rows)
+        values = of_rows[row, component, j]
+        nodes = self.numbers[self._first[row]], self._table[self.group_of_row[row], j]
+        place, of_row, column, values = self._turned(*nodes, component, values)
         d = blocks.shape[1]
-        columns = self._table[self.group_of_row[row], j] * d + component
-        return row * d + component, columns, of_rows[row, component, j]
+        return row[place] * d + of_row, nodes[1][place] * d + column, values
+
+    def _turned(
+        self, here: np.ndarray, there: np.ndarray | None, component: np.ndarray, values: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Turn entries on a diagonal in the frame of a group to the frames of nodes.
+
+        Args:
+            here: Node of the row of each entry, shape (n,).
+            there: Node of its column; None for a column that is no node.
+            component: Its component in the frame of the group, shape (n,).
+            values: The entries, shape (n,).
+
+        Returns:
+            Number of the entry that each turned entry is of, its components in the row
+            and in the column, and its value.
+        """
+        if self.frames is None:
+            return np.arange(len(values)), component, component, values
+        d = self.frames.shape[1]
+        rows = self.frames[np.searchsorted(self.numbers, here), component]
+        columns = np.eye(d)[component]
+        if there is not None:
+            columns = self.frames[np.searchsorted(self.numbers, there), component]
+        turned = values[:, None, None] * rows[:, :, None] * columns[:, None]
+        place, row, column = np.nonzero(turned)
+        return place, row, column, turned[place, row, column]
 
     @cached_property
     def _table(self) -> np.ndarray:

@@ -10,7 +10,9 @@ Bernstein coefficients, or the forces that do work on it, ask the contact's
 
 The map from nodal values to w on facets is linear. It has one entry of 1 in each row
 for this side, and between two bodies an entry of -1 for the other side. Its transpose
-takes forces on facets to nodal forces, opposite on the two sides.
+takes forces on facets to nodal forces, opposite on the two sides. Sectors of a body are
+turned against each other: by R from this side to the other one, whose displacement then
+counts as ``R^T u``.
 
 Symbols: f facets of this side on this rank, p facets of the other side (f, or none on a
 foundation), m nodes of a facet, d dimension.
@@ -220,6 +222,8 @@ class Trace:
             Function; None without one.
         corner_normals: Unit normals at the vertices of each facet, shape (f, d, d);
             None, on all ranks, where no facet has normals that turn.
+        rotation: R, which takes this side to the other one, shape (d, d); None where
+            nothing turns.
 
     Example:
         >>> trace = solution.model.contacts[0].trace
@@ -235,6 +239,7 @@ class Trace:
     direction: np.ndarray
     before: fem.Function | None = None
     corner_normals: np.ndarray | None = None
+    rotation: np.ndarray | None = None
 
     @property
     def facing(self) -> slice:
@@ -293,8 +298,24 @@ class Trace:
         """
         nodal = u.reshape(-1, self.here.d)
         w = nodal[self.here.nodes]
-        w[self.facing] -= nodal[self.partners]
+        w[self.facing] -= self.seen(nodal[self.partners])
         return w
+
+    def seen(self, there: np.ndarray) -> np.ndarray:
+        """Return vectors of the other side as this side sees them, ``R^T v``.
+
+        Args:
+            there: The vectors, shape (..., d).
+        """
+        return there if self.rotation is None else there @ self.rotation
+
+    def sent(self, here: np.ndarray) -> np.ndarray:
+        """Return vectors of this side as the other side sees them, ``R v``.
+
+        Args:
+            here: The vectors, shape (..., d).
+        """
+        return here if self.rotation is None else here @ self.rotation.T
 
     def fixed(self, of_nodes: np.ndarray) -> np.ndarray:
         """Tell which components of w supports prescribe, shape (f, m, d).
@@ -373,7 +394,7 @@ class Trace:
             complete.
         """
         nodal = self.back_here(forces)
-        np.subtract.at(nodal, self.partners, forces[self.facing])
+        np.subtract.at(nodal, self.partners, self.sent(forces[self.facing]))
         return nodal
 
     def back_here(self, forces: np.ndarray) -> np.ndarray:
@@ -385,19 +406,20 @@ class Trace:
     def back_there(self, forces: np.ndarray) -> np.ndarray:
         """Return :meth:`back`'s forces on the other side [force], shape (nodes, d)."""
         nodal = np.zeros((self.here.node_count, self.here.d))
-        np.subtract.at(nodal, self.partners, forces[self.facing])
+        np.subtract.at(nodal, self.partners, self.sent(forces[self.facing]))
         return nodal
 
     def on_there(self, values: np.ndarray) -> np.ndarray:
-        """Return values at the nodes of this side on the facets of the other side.
+        """Return vectors at the nodes of this side on the facets of the other side.
 
         Args:
-            values: Values at the nodes of the facets, shape (f, m, ...).
+            values: Vectors at the nodes of the facets, shape (f, m, d).
 
         Returns:
-            The values in the order of the other side, shape (p, m, ...).
+            The vectors in the order of the other side, shape (p, m, d).
         """
-        return np.take_along_axis(values[self.facing], self._order_there[..., None], axis=1)
+        in_order = np.take_along_axis(values[self.facing], self._order_there[..., None], axis=1)
+        return self.sent(in_order)
 
     @cached_property
     def stiffness(self) -> np.ndarray:
@@ -474,7 +496,7 @@ class Trace:
     def _order_there(self) -> np.ndarray:
         """Find the place of the node here that each node there faces, shape (p, m)."""
         here = _about_middle(self.here.places[self.facing])
-        there = _about_middle(self.there.places)
+        there = _about_middle(self.seen(self.there.places))
         # Facets that face each other may be apart, of other sizes, and turned against
         # each other; their vertices are in any order. Vertices face vertices, and
         # middles of edges face middles.

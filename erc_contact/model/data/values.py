@@ -40,13 +40,17 @@ def without_plain_numbers(expression: Ufl, mesh: dmesh.Mesh, *, of_material: boo
     """Replace the plain numbers of a UFL expression by Constants; collective.
 
     Expressions that differ only in these numbers are then compiled once. Tables become
-    Functions on the mesh, see :func:`erc_contact.model.data.tables.on_mesh`.
+    Functions on the mesh, see :func:`erc_contact.model.data.tables.on_mesh`. What UFL
+    has found to be zero, as ``t * x`` at the time zero, is a Constant, too: a form of
+    it would have no integral.
     """
     expression = on_mesh(expression, mesh, at_cells, of_material=of_material)
     constants = {}
     for terminal in traverse_unique_terminals(expression):
         if isinstance(terminal, ufl.classes.FloatValue):
             constants[terminal] = compiled.constant(mesh, float(terminal))
+    if isinstance(expression, ufl.classes.Zero):
+        return compiled.constant(mesh, np.zeros(expression.ufl_shape))
     return ufl.replace(expression, constants)
 
 

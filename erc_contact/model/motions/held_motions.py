@@ -132,7 +132,8 @@ def _by_contact(
     bodies[trace.facing, :, 1] = body[trace.partners]
     jumps = np.zeros((*here.shape, trace.here.d, 2, m))
     jumps[..., 0, :] = motions[here]
-    jumps[trace.facing, ..., 1, :] = -motions[trace.partners]
+    of_partners = trace.seen(motions[trace.partners].swapaxes(-1, -2)).swapaxes(-1, -2)
+    jumps[trace.facing, ..., 1, :] = -of_partners
     resisted = jumps.reshape(*here.shape, trace.here.d, 2 * m)
     if contact.friction is None:
         normals = np.broadcast_to(trace.normals, (*here.shape, trace.here.d))

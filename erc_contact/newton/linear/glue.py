@@ -116,11 +116,17 @@ def _couple_sides(
     _add_of_facets(space, side, place.reshape(side.nodes.shape), glue)
     here, there = (dofs_of(nodes, space.d) for nodes in unique.T)
     values = glue.ravel()
+    # All components of a node have one stiffness, so that turns leave it as it is.
+    seen = trace.seen(np.broadcast_to(np.eye(space.d), (len(unique), space.d, space.d)))
+    pair, row, column = np.nonzero(seen)
+    first = unique[pair, 1] * space.d + row
+    second = unique[pair, 0] * space.d + column
+    between = -glue[pair, column] * seen[pair, row, column]
     return [
         (here, here, values),
         (there, there, values),
-        (here, there, -values),
-        (there, here, -values),
+        (second, first, between),
+        (first, second, between),
     ]
 
 

@@ -174,12 +174,12 @@ def _jumps_at(model: Model, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray
     """
     d = model.space.d
     pairs = model.connections.pairs_at(numbers)
-    places = dofs_of(np.searchsorted(numbers, pairs[:, 0]), d)
     dofs = dofs_of(numbers, d)
+    rows, columns, values = model.connections.there_in_jumps(pairs)
     return (
-        np.concatenate([np.arange(len(dofs)), places]),
-        np.concatenate([dofs, dofs_of(pairs[:, 1], d)]),
-        np.concatenate([np.ones(len(dofs)), -np.ones(len(places))]),
+        np.concatenate([np.arange(len(dofs)), np.searchsorted(dofs, rows)]),
+        np.concatenate([dofs, columns]),
+        np.concatenate([np.ones(len(dofs)), values]),
     )
 
 

@@ -1,0 +1,405 @@
+"""Periodic and cyclic sides: one copy of a body stands for all.
+
+Properties: a laminate is exact, and its stiffness is the closed form; a sector has the
+displacement of the whole disc; u^ fits across the sides and the tractions are opposite,
+to round-off; the intervals of the energy hold the energies of finer meshes; motions that
+copies leave free are free; a wavy surface has Westergaard's contact; ranks, solvers and
+methods change nothing; what cannot be is told on all ranks.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import ufl
+from domains import refused
+from mpi4py import MPI
+from scenes import AUGMENTED, certified
+
+import erc_contact as ec
+import namedmesh as nm
+from erc_contact.error.contact import contact_parts
+from namedmesh.base.releases import cell_nodes
+from namedmesh.partition import distribute
+
+COMM = MPI.COMM_WORLD
+SECTORS = 5
+SIDES = [("left", "right"), ("bottom", "top"), ("front", "back")]
+MODULI = {"soft": 1.0, "stiff": 7.0}
+RATIOS = {"soft": 0.3, "stiff": 0.2}
+CONTACT = ec.Contact(
+    "outer", friction=ec.Tresca(0.02), bilateral=True, normal=lambda x: x / ufl.sqrt(ufl.dot(x, x))
+)
+
+
+def brick(cells, comm=COMM):
+    """A unit brick, stiff where x > 1/2."""
+    d = len(cells)
+    make = ec.rectangle if d == 2 else ec.box
+    whole = make((0.0,) * d, (1.0,) * d, cells=cells, comm=comm)
+    return whole.named(regions={"soft": nm.where(x=(0.0, 0.5)), "stiff": nm.where(x=(0.5, 1.0))})
+
+
+def periodic(d, strain=None):
+    """The sides of a brick that is repeated along all axes."""
+    return [ec.Periodic(*names, mean_strain=strain) for names in SIDES[:d]]
+
+
+def sector(cells, copies=1, comm=COMM):
+    """Some sectors of a ring, in one mesh, about the origin or the z axis."""
+    d = len(cells)
+    make = ec.rectangle if d == 2 else ec.box
+    whole = make((0.0,) * d, (1.0, copies, *(1.0,) * (d - 2)), cells=cells, comm=comm)
+    x = whole.mesh.geometry.x
+    radius, angle = 1.0 + x[:, 0], 0.3 + 2 * np.pi / SECTORS * x[:, 1]
+    x[:, :2] = np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
+    low, cut = ("bottom", "top") if d == 2 else ("front", "back")
+    names = {"left": "inner", "right": "outer", low: "low", cut: "cut"}
+    named = {names.get(name, name): tag for name, tag in whole.names.items()}
+    return nm.Domain(whole.mesh, whole.facet_tags, named)
+
+
+def cyclic(d):
+    axis = (0.0, 0.0) if d == 2 else ((0.0, 0.0, 1.0), (0.0, 0.0, 1.0))
+    return ec.Cyclic("low", "cut", axis=axis, sectors=SECTORS)
+
+
+def radial(x):
+    """The first component of a force per volume that turns with the sectors."""
+    return 0.001 * (x[0] - 2 * x[1])
+
+
+def around(x):
+    """Its second component."""
+    return 0.001 * (x[1] + 2 * x[0])
+
+
+def assert_fits(error):
+    """The displacement fits across all sides, and their forces are opposite."""
+    u = error.admissible.displacement.x.array
+    size = COMM.allreduce(float(abs(u).max()), MPI.MAX)
+    for contact in error.model.contacts:
+        if not contact.is_periodic:
+            continue
+        trace = contact.trace
+        given = 0.0 if contact.moved is None else trace.of(contact.moved.x.array)
+        assert abs(trace.of(u) - given).max(initial=0.0) < 1e-14 * size
+        here, there = (error.force(name).force for name in contact.side_names)
+        scale = np.linalg.norm(here) + 1e-3
+        assert abs(here + trace.seen(there)).max() < 1e-13 * scale
+    balance = error.reactions()["balance"]
+    assert abs(balance.force).max() < 1e-12
+    for traction in error.admissible.tractions:
+        if traction.contact.is_periodic:
+            parts = contact_parts(error.model.space, error.admissible.displacement, traction)
+            assert abs(parts).max(initial=0.0) <= 1e-24 * error.scale**2
+
+
+# -- layers
+# ---------------------------------------------------------------------------------------------------
+
+
+def laminate_energy(strain):
+    """Energy of two layers across x in a unit cell, plane strain or 3D."""
+    E, nu = (np.array(list(values.values())) for values in (MODULI, RATIOS))
+    shear, first = E / 2 / (1 + nu), E * nu / (1 + nu) / (1 - 2 * nu)
+    M = first + 2 * shear
+    sides = np.trace(strain) - strain[0, 0]
+    pull = (strain[0, 0] + sides * np.mean(first / M)) / np.mean(1 / M)
+    along = (pull - first * sides) / M
+    layers = 0.5 * first * (along + sides) ** 2 + shear * along**2
+    layers = layers + shear * (strain[1:, 1:] ** 2).sum()
+    shears = 2 * (strain[0, 1:] ** 2).sum() / np.mean(1 / shear)
+    return float(np.mean(layers) + shears)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("d", [2, 3])
+def test_a_laminate_is_exact(d, degree):
+    strain = np.array([[0.01, 0.004, -0.003], [0.004, -0.006, 0.002], [-0.003, 0.002, 0.005]])[
+        :d, :d
+    ]
+    scene = ec.Scene(ec.Elastic(MODULI, RATIOS), periodic(d, strain.tolist()))
+    # Multipliers at nodes are continuous, and the traction of layers is not.
+    error = certified(scene, brick((2, 2, 1)[:d]), ec.Nitsche(), degree)
+    assert error.relative < 1e-9
+    energy = ec.potential_energy(error)
+    assert np.isclose(energy.value, laminate_energy(strain), rtol=1e-10)
+    assert_fits(error)
+
+
+# -- sectors
+# ---------------------------------------------------------------------------------------------------
+
+
+def closed_ring(cells):
+    """All sectors in one ring, whose ends have common nodes."""
+    ring = sector(cells, copies=SECTORS)
+    x = ring.mesh.geometry.x[:, :2]
+    _, first, number = np.unique(np.round(x, 9), axis=0, return_index=True, return_inverse=True)
+    triangles = number.ravel()[cell_nodes(ring.mesh.geometry)]
+    closed = nm.Domain(distribute(COMM, triangles.astype(np.int64), x[first]))
+    radii = {"inner": 1.0, "outer": 2.0}
+    return closed.named(
+        {
+            name: lambda x, radius=radius: np.isclose(np.hypot(*x[:2]), radius)
+            for name, radius in radii.items()
+        }
+    )
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("degree", [1, 2])
+def test_a_sector_is_the_whole_disc(degree):
+    loads = [ec.Traction("inner", pressure=0.01), ec.BodyForce((radial, around))]
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), loads=loads, contacts=CONTACT)
+    with_sides = replace(scene, supports=[cyclic(2)])
+    one = certified(with_sides, sector((3, 2)), AUGMENTED, degree)
+    every = certified(scene, closed_ring((3, 2 * SECTORS)), AUGMENTED, degree)
+    V = one.solution.u.function_space
+    u = one.solution.u.x.array.reshape(-1, 2)
+    of_whole = every.solution.at(V.tabulate_dof_coordinates()[:, :2]).displacement
+    assert abs(of_whole - u).max() < 1e-12 * abs(u).max()
+    energies = [ec.potential_energy(error).value for error in (one, every)]
+    assert np.isclose(SECTORS * energies[0], energies[1], rtol=1e-12)
+    # All copies of a pressure have no force, and of a torque the whole.
+    whole = ec.results.whole_force(one, "inner")
+    assert abs(whole.force).max() < 1e-15
+    pulled = ec.results.whole_force(one, "outer")
+    assert np.isclose(pulled.moment[0], SECTORS * one.force("outer").moment[0], rtol=1e-12)
+    assert_fits(one)
+
+
+def fitted(ring):
+    """A shaft in a hub, which meet at the radius 1.5."""
+
+    def inside(x):
+        return np.hypot(x[0], x[1]) < 1.5 + 1e-9
+
+    def outside(x):
+        return np.hypot(x[0], x[1]) > 1.5 - 1e-9
+
+    return ring.named(regions={"shaft": inside, "hub": outside}).split(
+        {"rim": "shaft", "bore": "hub"}
+    )
+
+
+@pytest.mark.serial
+def test_a_sector_of_a_press_fit_carries_its_part_of_the_torque():
+    """A contact of two bodies with friction ends on the sides; less than the torque that slips."""
+    twist = (lambda x: -3e-5 * x[1], lambda x: 3e-5 * x[0])
+    scene = ec.Scene(
+        ec.Elastic(1.0, 0.3),
+        [ec.Displacement("inner", (0.0, 0.0))],
+        [ec.Traction("outer", twist)],
+        [ec.Contact("rim", against="bore", gap=-0.01, friction=0.3)],
+    )
+    with_sides = replace(scene, supports=[*scene.supports, cyclic(2)])
+    one = certified(with_sides, fitted(sector((4, 8))), AUGMENTED)
+    every = certified(scene, fitted(closed_ring((4, 8 * SECTORS))), AUGMENTED)
+    x = np.array([[r * np.cos(a), r * np.sin(a)] for r in (1.2, 1.8) for a in (0.4, 0.9, 1.5)])
+    u, of_whole = (error.solution.at(x).displacement for error in (one, every))
+    assert abs(u - of_whole).max() < 1e-11 * abs(of_whole).max()
+    torques = [error.force("inner").moment[0] for error in (one, every)]
+    assert np.isclose(SECTORS * torques[0], torques[1], rtol=1e-10)
+    assert_fits(one)
+
+
+@pytest.mark.parametrize("method", [AUGMENTED, ec.Nitsche()], ids=["augmented", "nitsche"])
+@pytest.mark.parametrize("d", [2, 3])
+def test_solvers_agree(d, method):
+    loads = [ec.Traction("inner", pressure=0.01)]
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), [cyclic(d)], loads)
+    domain = sector((2, 2, 1)[:d])
+    first, second = (
+        certified(scene, domain, method, solver=solver) for solver in ("direct", "iterative")
+    )
+    assert np.isclose(first.absolute, second.absolute, rtol=1e-8)
+    assert_fits(first)
+    assert_fits(second)
+
+
+# -- contacts
+# ---------------------------------------------------------------------------------------------------
+
+
+def wavy(ratio, *, moved=0.0, friction=0.0, cells=(8, 12), comm=COMM):
+    """A wavy surface of height 0.02 on a plane, under a share of the pressure that flattens it."""
+    full = np.pi * 0.01 / (1 - 0.3**2)
+    gap = lambda x: 0.01 * (1 + ufl.cos(2 * np.pi * (x[0] - moved)))  # noqa: E731
+    scene = ec.Scene(
+        ec.Elastic(1.0, 0.3),
+        [ec.Periodic("left", "right")],
+        [ec.Traction("top", (0.0, -ratio * full))],
+        ec.Contact("bottom", gap=gap, friction=friction),
+    )
+    return scene, ec.rectangle((0.0, 0.0), (1.0, 1.5), cells=cells, comm=comm)
+
+
+@pytest.mark.parametrize("moved", [0.0, 0.5], ids=["middle", "sides"])
+def test_a_wavy_surface_has_the_contact_of_westergaard(moved):
+    """The half width is (L/pi) asin(sqrt(p/p*)), wherever the crest is."""
+    scene, domain = wavy(0.4, moved=moved)
+    history = ec.adapt(scene, domain, accuracy=0.06, method=AUGMENTED)
+    area = history.contact_area("bottom").area
+    assert abs(area.value - 2 / np.pi * np.arcsin(np.sqrt(0.4))) < area.margin + 0.02
+    assert_fits(history.error)
+
+
+# -- energies
+# ---------------------------------------------------------------------------------------------------
+
+
+def random_scene(rng):
+    """A random frictionless scene of copies: a mean strain, a load, or a wavy contact."""
+    kind = rng.integers(3)
+    if kind == 0:
+        strain = rng.normal(size=(2, 2)) * 0.01
+        wave = rng.uniform(0.2, 0.9)
+        modulus = lambda x: 1 + wave * ufl.sin(2 * np.pi * (x[0] + x[1]))  # noqa: E731
+        scene = ec.Scene(ec.Elastic(modulus, 0.3), periodic(2, (strain + strain.T).tolist()))
+        return scene, brick((3, 3))
+    if kind == 1:
+        return wavy(rng.uniform(0.1, 1.2), moved=rng.uniform(), cells=(4, 6))
+    loads = [
+        ec.Traction("inner", pressure=rng.uniform(0.01, 0.02)),
+        ec.BodyForce((lambda x: 0.001 * x[0], lambda x: 0.001 * x[1])),
+    ]
+    return ec.Scene(ec.Elastic(1.0, rng.uniform(0.1, 0.4)), [cyclic(2)], loads), sector((2, 2))
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("seed", range(6))
+def test_bounds_of_the_energy_hold(seed):
+    scene, domain = random_scene(np.random.default_rng(seed))
+    coarse = ec.potential_energy(certified(scene, domain, AUGMENTED))
+    finer = certified(scene, domain.refined().refined(), AUGMENTED, degree=2)
+    fine = ec.potential_energy(finer)
+    assert coarse.low <= fine.value + 1e-12 * abs(fine.value)
+    assert fine.low <= coarse.value
+    assert fine.value <= coarse.value + 1e-12 * abs(coarse.value)
+    assert_fits(finer)
+
+
+# -- ranks, histories, what is refused
+# ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.ranks
+@pytest.mark.parametrize("degree", [1, 2])
+def test_ranks_change_nothing(degree):
+    numbers = []
+    for comm in (MPI.COMM_SELF, COMM):
+        scene, domain = wavy(0.4, moved=0.3, friction=0.2, cells=(4, 6), comm=comm)
+        error = ec.adapt(scene, domain, accuracy=1e-3, degree=degree, max_steps=2).error
+        numbers.append(error.absolute)
+    assert np.isclose(*numbers, rtol=1e-8)
+
+
+@pytest.mark.ranks
+def test_ranks_change_nothing_in_space():
+    numbers = []
+    for comm in (MPI.COMM_SELF, COMM):
+        strain = ((0.01, 0.002, 0.0), (0.002, 0.0, 0.0), (0.0, 0.0, -0.003))
+        modulus = lambda x: 1 + 0.5 * ufl.sin(2 * np.pi * x[1])  # noqa: E731
+        layers = ec.Scene(ec.Elastic(modulus, 0.3), periodic(3, strain))
+        cube = certified(layers, brick((2, 2, 1), comm), AUGMENTED)
+        turned = ec.Scene(ec.Elastic(1.0, 0.3), [cyclic(3)], ec.Traction("inner", pressure=0.01))
+        ring = certified(turned, sector((2, 2, 1), comm=comm).refined(), AUGMENTED)
+        numbers.append([cube.absolute, ring.absolute])
+    assert np.allclose(*numbers, rtol=1e-8)
+
+
+def test_a_mean_strain_has_a_history():
+    """Each step has its own jump, also where friction remembers."""
+    strains = (0.002, 0.005)
+    last = None
+    for strain in strains:
+        scene, domain = wavy(0.4, friction=0.3, cells=(4, 6))
+        sides = [ec.Periodic("left", "right", mean_strain=((strain, 0.0), (0.0, 0.0)))]
+        scene = replace(scene, contacts=scene.contacts[:1], supports=sides)
+        last = ec.solve(scene, domain, AUGMENTED, after=last)
+        error = ec.constitutive_error(ec.equilibrate(last))
+        u = error.profile("left")
+        assert np.allclose(u["other_u_x"] - u["u_x"], strain, rtol=0, atol=1e-15)
+        assert_fits(error)
+
+
+def test_a_run_goes_on(shared_tmp_path):
+    """A folder keeps the sides: a run that is ended goes on from its last mesh."""
+    scene, domain = wavy(0.4, moved=0.3, cells=(4, 6))
+    options = {"method": AUGMENTED, "checkpoint": shared_tmp_path / "run"}
+    ended = ec.adapt(scene, domain, accuracy=0.01, max_steps=2, **options)
+    again = ec.adapt(scene, domain, accuracy=0.01, max_steps=2, **options)
+    assert np.isclose(again.error.relative, ended.error.relative, rtol=1e-8)
+    assert_fits(again.error)
+
+
+def test_a_long_tube_is_a_ring_of_it():
+    """Rings that are repeated along the axis have the stress of a long tube, Lame's."""
+    tube = ec.rectangle((1.0, 0.0), (2.0, 0.25), cells=(8, 2))
+    nu, strain, pressure = 0.3, 0.001, 0.01
+    rings = ec.Elastic(1.0, nu, hypothesis="axisymmetric")
+    sides = ec.Periodic("bottom", "top", mean_strain=((0.0, 0.0), (0.0, strain)))
+    scene = ec.Scene(rings, [sides], [ec.Traction("left", pressure=pressure)])
+    error = certified(scene, tube, AUGMENTED, degree=2)
+    sideways = ec.Periodic("left", "right")
+    axial = 2 * nu * pressure / 3 + strain
+    assert np.isclose(error.force("top").force[1], 3 * np.pi * axial, rtol=1e-3)
+    assert_fits(error)
+    refused(
+        lambda: ec.solve(replace(scene, supports=[], loads=[], contacts=sideways), tube),
+        "along its axis alone",
+    )
+
+
+def test_motions_that_copies_leave_free_must_be_balanced():
+    loads = [ec.Traction("inner", pressure=0.01)]
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), [cyclic(2)], loads)
+    assert len(ec.solve(scene, sector((2, 2)), AUGMENTED).model.unheld.functions) == 1
+    torque = [ec.BodyForce((lambda x: -x[1], lambda x: x[0]))]
+    refused(
+        lambda: ec.solve(replace(scene, loads=torque), sector((2, 2))),
+        "rotation",
+        "not in balance",
+        error=ec.NotHeldError,
+    )
+    pulled = ec.Scene(ec.Elastic(1.0, 0.3), periodic(2), ec.BodyForce((0.1, 0.0)))
+    refused(lambda: ec.solve(pulled, brick((2, 2))), "translation", error=ec.NotHeldError)
+
+
+def test_what_cannot_be_is_told():
+    elastic = ec.Elastic(1.0, 0.3)
+    for call, *words in [
+        (lambda: ec.Periodic("left", "left"), "against itself"),
+        (lambda: ec.Periodic("left", None), "against"),
+        (lambda: ec.Periodic("left", "right", mean_strain=0.1), "rows"),
+        (lambda: ec.Periodic("left", "right", mean_strain=((0.0, 0.1), (0.0, 0.0))), "symmetric"),
+        (lambda: ec.Cyclic("low", "cut", axis=(0.0,), sectors=3), "axis"),
+        (lambda: ec.Cyclic("low", "cut", axis=(0.0, 0.0), sectors=1), "sectors"),
+        (lambda: ec.solve(ec.Scene(elastic, cyclic(3)), sector((2, 2))), "2D"),
+        (
+            lambda: ec.solve(
+                ec.Scene(elastic, periodic(2, np.zeros((3, 3)).tolist())), brick((2, 2))
+            ),
+            "3 rows",
+        ),
+        (
+            lambda: ec.solve(ec.Scene(elastic, ec.Periodic("left", "top")), brick((2, 1))),
+            "do not match",
+        ),
+        (
+            lambda: ec.solve(
+                ec.Scene(elastic, [*periodic(2), ec.Displacement("left", (0.0, None))]),
+                brick((2, 2)),
+            ),
+            "'left' is in a Contact",
+        ),
+    ]:
+        refused(call, *words, error=ec.InputError)
+    # A foundation that the next copy does not have.
+    slope = ec.Contact("bottom", gap=lambda x: 0.001 * x[0], bilateral=True)
+    pressed = ec.Traction("top", (0.0, -0.01))
+    on_slope = ec.Scene(elastic, periodic(1), pressed, slope)
+    refused(lambda: certified(on_slope, brick((2, 2)), AUGMENTED), "the same on all copies")
+    assert "Periodic: mean_strain" in str(ec.Scene(elastic, periodic(2, np.eye(2).tolist())))

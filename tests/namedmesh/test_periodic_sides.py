@@ -1,0 +1,116 @@
+"""Sides of copies: facets that face each other by a motion, on any ranks and when refined.
+
+Properties: each facet has a partner at its image, to round-off, after any refinement;
+the mesh does not depend on the ranks, and patches are complete; what does not match is
+told on all ranks.
+"""
+
+import numpy as np
+import pytest
+from domains import refused
+from mpi4py import MPI
+
+import namedmesh as nm
+from namedmesh.base.releases import cell_nodes
+from namedmesh.partition import patches_complete
+from namedmesh.simplex import of_facets
+
+COMM = MPI.COMM_WORLD
+SECTORS = 7
+
+
+def sector(cells, comm=COMM):
+    """A sector of a ring about the last axis: radius 1 to 2, sides front and back, or bottom and top."""
+    d = len(cells)
+    make = nm.rectangle if d == 2 else nm.box
+    brick = make((0.0,) * d, (1.0,) * d, cells=cells, comm=comm)
+    x = brick.mesh.geometry.x
+    radius, angle = 1.0 + x[:, 0], 0.2 + 2 * np.pi / SECTORS * x[:, 1]
+    x[:, :2] = np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
+    return nm.Domain(brick.mesh, brick.facet_tags, brick.names)
+
+
+def periodic_brick(cells, comm=COMM):
+    """A brick that is repeated along all axes."""
+    d = len(cells)
+    make = nm.rectangle if d == 2 else nm.box
+    brick = make((0.0,) * d, (2.0, *(1.0,) * (d - 1)), cells=cells, comm=comm)
+    sides = [("left", "right"), ("bottom", "top"), ("front", "back")][:d]
+    return brick.with_periodic([nm.translated(brick, *names) for names in sides])
+
+
+def cyclic_sector(cells, comm=COMM):
+    """A sector with its turn."""
+    body = sector(cells, comm)
+    axis = [(0.0, 0.0)] if len(cells) == 2 else [(0.0, 0.0, 3.0), (0.0, 0.0, 2.0)]
+    sides = ("bottom", "top") if len(cells) == 2 else ("front", "back")
+    return body.with_periodic([nm.turned(body, *sides, axis, SECTORS)])
+
+
+def misfit(domain, pair):
+    """Greatest distance of a corner of a facet from the nearest one of its partner's."""
+    nodes = cell_nodes(domain.mesh.geometry)
+    x = domain.mesh.geometry.x[:, : domain.dim]
+    here, there = (
+        x[of_facets(nodes[sides[:, 0]], sides[:, 1])] for sides in domain.facing(*pair.names)
+    )
+    away = np.linalg.norm(pair.image(here)[:, :, None] - there[:, None], axis=-1)
+    return COMM.allreduce(float(away.min(axis=2).max(initial=0.0)), MPI.MAX)
+
+
+def refined_near_points(domain, steps):
+    """The domain refined in balls about random points."""
+    rng = np.random.default_rng(3)
+    for _ in range(steps):
+        nodes = cell_nodes(domain.mesh.geometry)[: domain.owned_cells]
+        middles = domain.mesh.geometry.x[nodes].mean(axis=1)[:, : domain.dim]
+        low, high = domain.corners
+        centre = low + rng.random(domain.dim) * (high - low)
+        near = np.linalg.norm(middles - centre, axis=1) < 0.25 * domain.extent
+        domain = domain.refined(np.flatnonzero(near).astype(np.int32))
+    return domain
+
+
+@pytest.mark.parametrize("make", [periodic_brick, cyclic_sector])
+@pytest.mark.parametrize(("cells", "steps"), [((4, 3), 4), ((2, 2, 1), 2)], ids=["2D", "3D"])
+def test_sides_are_refined_alike(make, cells, steps):
+    coarse = make(cells)
+    domain = refined_near_points(coarse, steps)
+    assert domain.periodic == coarse.periodic
+    assert patches_complete(domain.mesh)
+    for pair in domain.periodic:
+        assert misfit(domain, pair) < 1e-14 * domain.extent
+        for name in pair.names:
+            assert len(domain.facing(*pair.names)[0]) > 0 or COMM.size > 1
+            owned = COMM.allreduce(len(domain.owned_facets(name)))
+            before = COMM.allreduce(len(coarse.owned_facets(name)))
+            assert owned > before
+
+
+@pytest.mark.ranks
+@pytest.mark.parametrize("make", [periodic_brick, cyclic_sector])
+def test_the_mesh_does_not_depend_on_the_ranks(make):
+    both = [refined_near_points(make((2, 2, 1), comm), 2) for comm in (MPI.COMM_SELF, COMM)]
+    alone, together = (
+        sorted(
+            map(tuple, np.round(np.concatenate(domain.comm.allgather(domain.mesh.geometry.x)), 9))
+        )
+        for domain in both
+    )
+    assert set(alone) == set(together)
+    assert both[0].cells == both[1].cells
+
+
+def test_what_does_not_match_is_told():
+    rectangle = nm.rectangle((0.0, 0.0), (2.0, 1.0), cells=(4, 2))
+    one_side = rectangle.named({"half": nm.where(x=0.0, y=(0.0, 0.5))})
+    pair = nm.translated(one_side, "half", "right")
+    refused(
+        lambda: one_side.with_periodic([pair]).facing("half", "right"),
+        "do not match",
+        "setPeriodic",
+    )
+    periodic = periodic_brick((4, 2))
+    refused(lambda: periodic.remeshed(0.1), "left and right", "Mark()")
+    # Parts that are named anew are no sides of copies until they are asked for again.
+    assert periodic.named({"left": nm.where(x=0.0)}).periodic == ()
