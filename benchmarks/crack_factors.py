@@ -1,8 +1,9 @@
 """Attack intervals of stress intensity factors with random cracks.
 
-A crack of random length and direction is at a side of a plate or inside it. The plate
-is pulled, sheared and turned, and its crack is open, under pressure, or closed without
-friction; the strain or the stress is plane, Poisson's ratio from 0 to 0.49. Each factor
+A crack of random length and direction is at a side of a plate or inside it, straight or
+with a bend. The plate is pulled, sheared and turned, and its crack is open, under
+pressure, or closed without friction; the strain or the stress is plane, or the plate is
+the section of a ring of radius 1.2 to 100, Poisson's ratio from 0 to 0.49. Each factor
 is asked on a coarse and on a fine mesh, with two radii and both degrees: all proved
 intervals have to share a number.
 
@@ -18,7 +19,7 @@ from __future__ import annotations
 import sys
 from collections import Counter
 from dataclasses import dataclass
-from itertools import product
+from itertools import chain, pairwise, product
 from typing import Any
 
 from mpi4py import MPI
@@ -39,14 +40,24 @@ class Crack:
     """Hold a random crack in the square from -1 to 1.
 
     Attributes:
-        root: Where it begins, shape (2,).
-        tip: Where it ends.
+        places: Where it begins, bends and ends, shape (2 or 3, 2).
         room: Radius around the tip within which there is nothing else.
+        middle: Radius of the middle of the square, 0 of plates.
     """
 
-    root: np.ndarray
-    tip: np.ndarray
+    places: np.ndarray
     room: float
+    middle: float = 0.0
+
+    @property
+    def tip(self) -> np.ndarray:
+        """Return the tip."""
+        return self.places[-1] + (self.middle, 0.0)
+
+    @property
+    def way(self) -> np.ndarray:
+        """Return the vector along the last piece to the tip."""
+        return self.places[-1] - self.places[-2]
 
 
 def random_crack(rng: np.random.Generator) -> Crack:
@@ -56,12 +67,14 @@ def random_crack(rng: np.random.Generator) -> Crack:
     is_inside = rng.random() < 0.5
     root = np.array([rng.uniform(-0.5, -0.1) if is_inside else -1.0, rng.uniform(-0.3, 0.3)])
     tip = root + length * np.array([np.cos(angle), np.sin(angle)])
-    return Crack(root, tip, float(min(length, *(1 - abs(tip)))))
-
-
-def way_of(crack: Crack) -> np.ndarray:
-    """Return the vector from the root of a crack to its tip."""
-    return crack.tip - crack.root
+    places = np.array([root, tip])
+    if rng.random() < 0.4:
+        aside = np.array([-np.sin(angle), np.cos(angle)])
+        bend = root + rng.uniform(0.3, 0.7) * (tip - root) + rng.uniform(-0.1, 0.1) * aside
+        places = np.array([root, bend, tip])
+    straight = np.linalg.norm(places[-1] - places[-2])
+    middle = float(np.exp(rng.uniform(0.2, 4.6))) if rng.random() < 0.5 else 0.0
+    return Crack(places, float(min(straight, *(1 - abs(tip)))), middle)
 
 
 def plate(crack: Crack, size: float) -> ec.Domain:
@@ -69,42 +82,49 @@ def plate(crack: Crack, size: float) -> ec.Domain:
 
     def build(gmsh: Any) -> None:
         occ = gmsh.model.occ
-        square = occ.addRectangle(-1, -1, 0, 2, 2)
-        way = way_of(crack)
-        starts = [crack.root - 5 * way, crack.root, crack.tip, crack.tip + 5 * way]
-        points = [occ.addPoint(*place, 0) for place in starts]
-        lines = [occ.addLine(*points[i : i + 2]) for i in range(3)]
-        _, parts = occ.fragment([(2, square)], [(1, line) for line in lines])
+        square = occ.addRectangle(crack.middle - 1, -1, 0, 2, 2)
+        before, beyond = crack.places[1] - crack.places[0], crack.way
+        first, last = crack.places[0] - 20 * before, crack.places[-1] + 20 * beyond
+        line = np.vstack([first, crack.places, last])
+        line[:, 0] += crack.middle
+        points = [occ.addPoint(*place, 0) for place in line]
+        lines = [(1, occ.addLine(*ends)) for ends in pairwise(points)]
+        _, parts = occ.fragment([(2, square)], lines)
+        on_crack = list(chain.from_iterable(parts[2:-1]))
         occ.synchronize()
         for _, tag in parts[0]:
-            middle = np.array(occ.getCenterOfMass(2, tag)[:2]) - crack.root
-            above = way[0] * middle[1] - way[1] * middle[0] > 0
+            x, y, _ = occ.getCenterOfMass(2, tag)
+            above = y > np.interp(x, *line.T)
             gmsh.model.addPhysicalGroup(2, [tag], name="up" if above else "down")
-        gmsh.model.addPhysicalGroup(1, [tag for _, tag in parts[2]], name="crack")
+        gmsh.model.addPhysicalGroup(1, [tag for _, tag in on_crack], name="crack")
         for name, (axis, sign) in {"top": (1, 1), "bottom": (1, -1), "right": (0, 1)}.items():
             tags = []
             for _, tag in gmsh.model.getEntities(1):
-                if np.isclose(occ.getCenterOfMass(1, tag)[axis], sign):
+                place = occ.getCenterOfMass(1, tag)[axis] - (crack.middle, 0.0)[axis]
+                if np.isclose(place, sign):
                     tags.append(tag)
             gmsh.model.addPhysicalGroup(1, tags, name=name)
         gmsh.option.setNumber("Mesh.MeshSizeMax", 2 * size)
-        ends = gmsh.model.getBoundary(parts[2], combined=False, oriented=False)
-        gmsh.model.mesh.setSize(ends, size * np.linalg.norm(way_of(crack)))
+        ends = gmsh.model.getBoundary(on_crack, combined=False, oriented=False)
+        gmsh.model.mesh.setSize(ends, size * np.linalg.norm(crack.way))
 
     with session(MPI.COMM_WORLD, build, "The plate") as model:
         whole = ec.from_gmsh(model, MPI.COMM_WORLD)
     return whole.split({"upper lip": "up", "lower lip": "down"}, on="crack")
 
 
-def random_scene(rng: np.random.Generator) -> ec.Scene:
-    """Return loads and a material for the plate."""
+def random_scene(rng: np.random.Generator, crack: Crack) -> ec.Scene:
+    """Return loads and a material for the plate or the ring."""
     hypothesis = str(rng.choice(["plane strain", "plane stress"]))
+    if crack.middle:
+        hypothesis = "axisymmetric"
     material = ec.Elastic(1000.0, rng.uniform(0.0, 0.49), hypothesis=hypothesis)
     supports = [ec.Displacement("bottom", (0.0, 0.0))]
     pull = rng.normal(size=2)
     kind = rng.choice(["open", "pressure", "closed"])
     pull[1] = -abs(pull[1]) if kind == "closed" else abs(pull[1])
-    turn = rng.normal()
+    # Meshes of degree 1 do not represent the moment of a ring.
+    turn = 0.0 if crack.middle else rng.normal()
     loads = [ec.Traction("top", (pull[0], lambda x: pull[1] + turn * x[0]))]
     if kind == "pressure":
         loads += [ec.Traction(lip, pressure=1.0) for lip in ("upper lip", "lower lip")]
@@ -118,8 +138,9 @@ def main(seed: int = 0, count: int = 20) -> None:
     endings: Counter[str] = Counter()
     for number in range(count):
         rng = np.random.default_rng([seed, number])
-        crack, scene = random_crack(rng), random_scene(rng)
-        tip, way = crack.tip.tolist(), way_of(crack).tolist()
+        crack = random_crack(rng)
+        scene = random_scene(rng, crack)
+        tip, way = crack.tip.tolist(), crack.way.tolist()
         found: dict[str, list[ec.Bounds]] = {"I": [], "II": []}
         for size in SIZES:
             domain = plate(crack, size)

@@ -150,7 +150,9 @@ class Meshes:
         Not with Coulomb's friction, of which the difference quotient knows too little.
         """
         bounds = [ec.interval(self.error, goal)]
-        if goal.part in [contact.facets for contact in self.error.model.scene.contacts]:
+        contacts = [contact.facets for contact in self.error.model.scene.contacts]
+        # A stress intensity factor has no part.
+        if getattr(goal, "part", None) in contacts:
             lifted = ec.resultant(self.error, goal.part, goal.direction)
             if not lifted.weighted:
                 bounds.append(lifted)

@@ -25,6 +25,7 @@ import erc_contact  # noqa: F401 - before numpy, it loads MPI
 import reference_bodies as bodies  # isort: skip
 import reference_cases as cases  # isort: skip
 import reference_copies as copies  # isort: skip
+import reference_cracks as cracks  # isort: skip
 import reference_laws as laws  # isort: skip
 import reference_punches as punches  # isort: skip
 import reference_turned as turned  # isort: skip
@@ -86,6 +87,7 @@ CASES: dict[str, Callable[[], Result]] = {
         edges.two_hemispheres,
         edges.ball_under_a_force,
         edges.balls_between_pads,
+        cracks.penny_crack,
         laws.yielding_tube,
         laws.heated_tube,
         laws.orthotropic_tube,

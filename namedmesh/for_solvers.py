@@ -27,7 +27,7 @@ from namedmesh.remeshing import count_cells
 from namedmesh.rows import in_space
 from namedmesh.sides import boundary_sides, inner_facets
 from namedmesh.size_field import FILL
-from namedmesh.surface import sides_of_facets, slivers
+from namedmesh.surface import Slivers, sides_of_facets, slivers
 from namedmesh.tags import NO_TAG, tag_table
 
 __all__ = [
@@ -49,6 +49,7 @@ __all__ = [
     "Interface",
     "NodalMesh",
     "Rules",
+    "Slivers",
     "boundary_sides",
     "check_shape",
     "closest",

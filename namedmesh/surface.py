@@ -259,14 +259,18 @@ class Slivers:
     Attributes:
         sides: Facets as (cell, local facet), shape (n, 2).
         volumes: ``int_F o.n`` [length^d], shape (n,).
-        squares: ``int_F (o.n)^2`` [length^(d+1)], shape (n,).
+        points: Points of a rule on the facets [length], shape (n, q, d).
+        weights: Their weights times the areas of the facets [length^(d-1)], (n, q).
+        heights: The heights there [length], shape (n, q).
         depths: Greatest difference of two heights of nodes [length], shape (n,). On a
             circle of radius R it is ``h^2/(8 R)``.
     """
 
     sides: np.ndarray
     volumes: np.ndarray
-    squares: np.ndarray
+    points: np.ndarray
+    weights: np.ndarray
+    heights: np.ndarray
     depths: np.ndarray
 
 
@@ -282,16 +286,19 @@ def slivers(offset: fem.Function, sides: np.ndarray) -> Slivers:
     d = W.mesh.topology.dim
     corners = geometry.x[cell_nodes(geometry)[sides[:, 0]], :d]
     normals = outward_normals(corners, sides[:, 1])
-    areas = measures(of_facets(corners, sides[:, 1]))
+    ends = of_facets(corners, sides[:, 1])
+    areas = measures(ends)
     points, weights = rule(d - 1, 4)
     nodes = W.dofmap.list[sides[:, :1], _facet_closures(W)[sides[:, 1]]]
     nodal = np.einsum("nmi,ni->nm", offset.x.array.reshape(-1, d)[nodes], normals)
-    height = nodal @ lagrange(d - 1, 2, points).T
-    weighted = areas[:, None] * weights * height
+    heights = nodal @ lagrange(d - 1, 2, points).T
+    of_points = areas[:, None] * weights
     return Slivers(
         sides=sides,
-        volumes=weighted.sum(axis=1),
-        squares=(weighted * height).sum(axis=1),
+        volumes=(of_points * heights).sum(axis=1),
+        points=np.matmul(lagrange(d - 1, 1, points), ends),
+        weights=of_points,
+        heights=heights,
         depths=np.ptp(nodal, axis=1),
     )
 

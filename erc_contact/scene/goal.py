@@ -317,15 +317,21 @@ class Functional:
 
 @dataclass(frozen=True)
 class StressIntensity:
-    """Ask for a stress intensity factor at the tip of a crack in the plane.
+    """Ask for a stress intensity factor at a crack tip, in the plane or of a ring.
 
     Within the radius around the tip there must be nothing but the crack: two straight
     faces behind the tip, in one isotropic material, without body forces and given
-    strains. Loads on the faces are allowed. Faces may be in contact; where they touch
+    strains. A crack that bends needs a last piece that is straight and as long as the
+    radius. Loads on the faces are allowed. Faces may be in contact; where they touch
     within the radius, the number is an estimate if their tractions have a part in it.
 
+    Of axisymmetric bodies the tip is a ring in any direction: the rim of a penny crack,
+    a crack round a bar, a cylinder or a cone. The radius is less than the radius of the
+    ring, since the axis counts as a boundary. The unit is force/length^1.5, K_I of a
+    penny crack ``2 p sqrt(a/pi)``.
+
     Args:
-        tip: Position of the tip [length], two numbers.
+        tip: Position of the tip [length], two numbers; of rings (r, z).
         direction: Direction in which the crack points, away from its faces: two
             numbers, of any length.
         radius: Radius around the tip in which the stress is asked [length].
@@ -335,16 +341,16 @@ class StressIntensity:
     Raises:
         InputError: If an argument is none of these.
 
-    Source: the derivative of the energy by a given strain on a ring around the tip, in
-    the place of the interaction integral, see
-    ``erc_contact.error.goals.singular_strain``.
+    Source: the derivative of the energy by a given strain around the tip, in the place
+    of the interaction integral, see ``erc_contact.error.goals.singular_strain`` and, of
+    rings, ``erc_contact.error.goals.ring_strain``.
 
     Example:
         >>> ec.StressIntensity((0.5, 0.0), (1.0, 0.0), radius=0.3)
         StressIntensity(tip=(0.5, 0.0), direction=(1.0, 0.0), radius=0.3, mode='I')
     """
 
-    dimension: ClassVar[str] = ""
+    dimension: ClassVar[str] = "force/length^1.5"
 
     tip: Sequence[float]
     direction: Sequence[float]

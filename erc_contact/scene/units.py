@@ -10,7 +10,9 @@ import re
 from erc_contact.base.exceptions import InputError
 from namedmesh.base.checks import description
 
-DIMENSION = re.compile(r"\[(sqrt\()?(length|force|force/area|force length)(\))?\]")
+DIMENSION = re.compile(
+    r"\[(sqrt\()?(length|force|force/area|force length|force/length\^1\.5)(\))?\]"
+)
 """Pattern of a dimension in a label."""
 
 
@@ -52,6 +54,7 @@ def in_units(text: str, units: str) -> str:
         "force": force,
         "force/area": stress,
         "force length": f"{force}·{length}",
+        "force/length^1.5": f"{stress}·√{length}",
     }
 
     def named(found: re.Match[str]) -> str:

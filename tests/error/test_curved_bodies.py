@@ -97,6 +97,35 @@ def test_a_load_acts_on_the_area_of_the_true_surface():
     assert off[2] < off[0] / 12**2
 
 
+def test_a_ring_on_an_elastic_bed(shared_tmp_path):
+    """A ring that shrinks on a bed, which acts on the area of the true surface: Lame."""
+    import ufl
+
+    def inward(x):
+        return -x / ufl.sqrt(ufl.dot(x, x))
+
+    E, nu, k, strain, a, b = 1.0, 0.3, 0.1, 1e-3, 1.0, 2.0
+    scene = ec.Scene(
+        ec.Elastic(E, nu),
+        [ec.Displacement("x", (None, 0.0)), ec.Displacement("y", (0.0, None))],
+        contacts=ec.Contact("inner", foundation=ec.Foundation(k), normal=inward),
+        strains=ec.ThermalStrain(-strain, 1.0),
+    )
+    of_pressure = a**2 / (b**2 - a**2) * (1 + nu) / E * ((1 - 2 * nu) * a + b**2 / a)
+    pressure = k * (1 + nu) * strain * a / (1 + k * of_pressure)
+    domain = from_script(RING, shared_tmp_path, "ring")
+    off = []
+    for _ in range(2):
+        error = certified(scene, domain, degree=2)
+        force = error.force("inner").force
+        off.append(abs(force / (pressure * a) - 1).max())
+        domain = domain.refined()
+    # On the area of the facets it is off by 3e-3.
+    assert off[0] < 3e-4
+    assert off[1] < off[0] / 8
+    assert error.relative < 0.05
+
+
 @pytest.mark.serial
 def test_a_mean_displacement_is_over_the_true_area():
     """It is the work of the load that perturbs the scene, whatever the displacement is."""

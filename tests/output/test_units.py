@@ -113,6 +113,7 @@ def test_units_are_three_words():
     text = "e [sqrt(force length)], u [length], a share [-] of F [force]"
     assert in_units(text, "m, N, Pa") == "e [sqrt(N·m)], u [m], a share [-] of F [N]"
     assert in_units(text, "") == text
+    assert in_units("K [force/length^1.5]", "mm, N, MPa") == "K [MPa·√mm]"
     for units in ("mm", "mm, N", "mm, , MPa", "mm, N, MPa, s", 3):
         with pytest.raises(ec.InputError, match="as in 'mm, N, MPa'"):
             ec.Scene(ec.Elastic(E=1.0, nu=0.3), units=units)

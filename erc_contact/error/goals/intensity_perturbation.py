@@ -3,17 +3,18 @@
 See :mod:`erc_contact.error.goals.singular_strain`. Tractions on the faces within the
 radius add what they do by themselves,
 
-    +- int t . e eta/sqrt(2 pi rho) drho,
+    - E'/2 int t . eta u- drho,    of rings - E'/(4 pi R) int 2 pi r t . v drho,
 
-with t the traction on the body, e normal to the crack for mode I and along it for mode
-II, and + on the face that bounds the body above. Of loads that do not vary it is exact;
-where faces touch within the radius, t is the traction r^ and the number an estimate.
+with t the traction on the body and v of :mod:`erc_contact.error.goals.ring_strain`. On
+the faces u- is ``+- e/sqrt(2 pi rho)`` times -2/E', with e normal to the crack for mode
+I and along it for mode II. Where faces touch within the radius, t is the traction r^,
+and the number is an estimate.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -23,9 +24,10 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.error.constitutive import ConstitutiveError
+from erc_contact.error.goals.crack_tips import ON_LINE, Tip, Weight, tip_of
 from erc_contact.error.goals.moved_law import MovedLaw
 from erc_contact.error.goals.perturbation import BaseScene, Perturbation
-from erc_contact.error.goals.singular_strain import INNER_SHARE, SIZE, SingularStrain, cut_off
+from erc_contact.error.goals.singular_strain import INNER_SHARE, SIZE, cut_off
 from erc_contact.error.numbers import ROUND_OFF, BoundedNumber
 from erc_contact.error.works import strain_work
 from erc_contact.model.data.expressions import Everywhere
@@ -39,12 +41,13 @@ from namedmesh.base.ranks import of_all
 from namedmesh.for_solvers import boundary_sides
 from namedmesh.simplex import rule
 
-ON_LINE = 1e-6
-"""Distance over the radius up to which facets are on the line of the crack [-]."""
 SAME_MATERIAL = 1e-9
 """Relative difference of compliances of a material that is the same everywhere [-]."""
-DEGREE_OF_FACES = 18
-"""Degree in s up to which integrals over faces are exact: 14 of eta, 4 of tractions."""
+DEGREES_OF_FACES = (24, 32)
+"""Degrees in s of two rules over faces: 14 are of eta, 6 of tractions, 4 of v.
+
+Where both rules differ, a load varies too much for them.
+"""
 UNKNOWN = 1e-4
 """What the integral of G may leave unknown, over e and the norm of G [-]."""
 Density = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -55,115 +58,87 @@ their first to their second vertex, shape (n, q).
 """
 
 
+@dataclass(frozen=True)
+class TipMaterial:
+    """Hold the isotropic material around a tip.
+
+    Attributes:
+        kappa: Kolosov's constant [-].
+        modulus: E', of plane strain or plane stress [force/area].
+    """
+
+    kappa: float
+    modulus: float
+
+
 def stress_intensity(
     error: ConstitutiveError, base: BaseScene, goal: StressIntensity
 ) -> Perturbation:
     """Return the perturbation for a stress intensity factor; collective.
 
     Raises:
-        InputError: As :func:`checked_compliance`.
+        InputError: As :func:`checked_material`.
     """
     pair = error.admissible
     model = pair.model
     scene = base.scene
-    frame = _Frame(goal)
-    S = checked_compliance(model, goal)
-    # S has (kappa + 1)/(8 mu), and 1/(2 mu) last.
-    kappa = float(4 * S[0, 0] / S[2, 2] - 1)
-    tip_x, tip_y = goal.tip
-    cosine, sine = frame.forward
-    unit = SingularStrain(goal.mode, 1.0, tip_x, tip_y, cosine, sine, goal.radius, kappa)
+    tip = tip_of(model.space, goal)
+    material = checked_material(model, goal)
+    unit = tip.strain(material.kappa)
 
     def scene_at(t: float) -> Scene:
         return replace(scene, strains=(*scene.strains, replace(unit, amount=t)))
 
-    # S has 1/E' as its first entry.
-    size = SIZE / float(np.sqrt(S[0, 0] * goal.radius))
+    size = SIZE * float(np.sqrt(material.modulus / (goal.radius * tip.length)))
 
     def psi(u: fem.Function) -> BoundedNumber:
         return strain_work(MovedLaw(singular=unit).move(pair, 1.0), u, UNKNOWN * base.e * size)
 
-    constant = _work_on_faces(error, frame)
+    constant = _work_on_faces(error, tip, material.kappa)
     return Perturbation(scene_at, psi, 1.0, constant, base.e / size)
 
 
-def checked_compliance(model: Model, goal: StressIntensity) -> np.ndarray:
-    """Return the compliance around the tip [area/force], shape (3, 3); collective.
+def checked_material(model: Model, goal: StressIntensity) -> TipMaterial:
+    """Return the material around the tip; collective.
 
     Raises:
         InputError: If the number does not exist: the tip is no end of a straight crack
-            of the plane as long as the radius, the radius reaches the boundary, or
-            within it the material varies or a load, support, spring or given strain is.
+            of the plane as long as the radius, the radius reaches the boundary or the
+            axis, or within it the material varies or a load, support, spring or given
+            strain is.
     """
-    if model.space.section.rows != 2:
-        raise InputError(f"{goal!r}: stress intensity factors are told of bodies in the plane.")
+    if model.space.d != 2:
+        raise InputError(
+            f"{goal!r}: stress intensity factors are told of bodies in the plane and of rings."
+        )
     if model.strains is not None or model.body_force is not None:
         raise InputError(
             f"{goal!r}: with given strains, preloads or body forces the number has no interval;"
             " replace them by tractions beyond the radius."
         )
-    frame = _Frame(goal)
-    _check_crack(model, goal, frame)
-    return _compliance(model, goal, frame)
+    tip = tip_of(model.space, goal)
+    _check_crack(model, goal, tip)
+    return _material(model, goal, tip)
 
 
-class _Frame:
-    """Give places in the frame of a crack tip.
-
-    Args:
-        goal: What is asked.
-
-    Attributes:
-        forward: Unit vector in which the crack points, shape (2,).
-        aside: Unit vector at a right angle to the left of it, shape (2,).
-    """
-
-    def __init__(self, goal: StressIntensity) -> None:
-        self.goal = goal
-        self.forward = np.array(goal.direction) / np.linalg.norm(goal.direction)
-        self.aside = np.array([-self.forward[1], self.forward[0]])
-
-    def at(self, x: np.ndarray) -> np.ndarray:
-        """Return places along the direction and aside [length], shape (..., 2)."""
-        to = x - np.array(self.goal.tip)
-        return np.stack([to @ self.forward, to @ self.aside], axis=-1)
-
-    def near(self, corners: np.ndarray) -> np.ndarray:
-        """Tell which segments, shape (n, 2, 2), have points within the radius, (n,)."""
-        return self.distances(corners) < self.goal.radius * (1 - ON_LINE)
-
-    def distances(self, corners: np.ndarray) -> np.ndarray:
-        """Return the distances of segments (n, 2, 2) from the tip [length], (n,)."""
-        first = self.at(corners[:, 0])
-        along = self.at(corners[:, 1]) - first
-        share = -(first * along).sum(axis=1) / (along**2).sum(axis=1)
-        return np.linalg.norm(first + np.clip(share, 0, 1)[:, None] * along, axis=1)
-
-    def on_faces(self, corners: np.ndarray) -> np.ndarray:
-        """Tell which segments are on the line behind the tip, shape (n,)."""
-        places = self.at(corners)
-        tolerance = ON_LINE * self.goal.radius
-        on_line = abs(places[..., 1]) <= tolerance
-        return np.asarray((on_line & (places[..., 0] <= tolerance)).all(axis=1))
-
-
-def _check_crack(model: Model, goal: StressIntensity, frame: _Frame) -> None:
+def _check_crack(model: Model, goal: StressIntensity, tip: Tip) -> None:
     """Check that there is a crack and nothing else within the radius; collective."""
     space = model.space
     topology = space.mesh.topology
     facets = np.column_stack(boundary_sides(space.mesh, dmesh.exterior_facet_indices(topology)))
     corners = space.facet_corners(facets)
-    on_faces = frame.on_faces(corners)
-    beside = frame.distances(corners[~on_faces]).min(initial=np.inf)
+    on_faces = tip.on_faces(corners)
+    beside = tip.distances(corners[~on_faces]).min(initial=np.inf)
     room = space.comm.allreduce(float(beside), MPI.MIN)
     if room < goal.radius * (1 - ON_LINE):
         raise InputError(
-            f"{goal!r}: the boundary of the body comes as near as {room:.3g} to the tip, where"
-            " it is not the line of the crack; give a smaller radius, or the place of the tip and"
-            " the direction in which the crack points."
+            f"{goal!r}: {tip.bounds} comes as near as {room:.3g} to the tip,"
+            " where it is not the line of the crack. Give a radius up to that, within which a crack"
+            " that bends is straight, or the place of the tip and the direction in which the crack"
+            " points."
         )
     # The part of each facet within the radius; both faces have facets of their own.
-    back = np.clip(-frame.at(corners[on_faces])[..., 0], 0, goal.radius)
+    back = np.clip(-tip.at(corners[on_faces])[..., 0], 0, goal.radius)
     length = space.comm.allreduce(float(abs(back[:, 1] - back[:, 0]).sum()), MPI.SUM)
     if abs(length - 2 * goal.radius) > ON_LINE * goal.radius:
         raise InputError(
@@ -171,17 +146,17 @@ def _check_crack(model: Model, goal: StressIntensity, frame: _Frame) -> None:
             " radius; the tip has to be the end of a straight crack that is as long as the radius"
             " at least, and the direction points away from the crack."
         )
-    _check_faces(model, goal, frame)
+    _check_faces(model, goal, tip)
 
 
-def _check_faces(model: Model, goal: StressIntensity, frame: _Frame) -> None:
+def _check_faces(model: Model, goal: StressIntensity, tip: Tip) -> None:
     """Refuse supports and springs on the faces within the radius; collective."""
     held = [support.facets for support in model.scene.supports]
     held += [spring.facets for spring in model.scene.springs]
     near = []
     for name in held:
         corners = model.space.facet_corners(model.domain.facets(name))
-        if model.space.comm.allreduce(bool(frame.near(corners).any()), MPI.LOR):
+        if model.space.comm.allreduce(bool(tip.near(corners).any()), MPI.LOR):
             near.append(name)
     if near:
         raise InputError(
@@ -190,43 +165,49 @@ def _check_faces(model: Model, goal: StressIntensity, frame: _Frame) -> None:
         )
 
 
-def _compliance(model: Model, goal: StressIntensity, frame: _Frame) -> np.ndarray:
-    """Return the compliance around the tip [area/force], shape (3, 3); collective.
+def _material(model: Model, goal: StressIntensity, tip: Tip) -> TipMaterial:
+    """Return the material around the tip; collective.
 
     Raises:
         InputError: If the material varies there, or is not isotropic.
     """
-    corners = model.space.cell_corners()
+    space = model.space
+    corners = space.cell_corners()
     # The tip is a vertex: a cell that the circle meets has an edge within it.
     edges = np.stack([corners[:, [i, (i + 1) % 3]] for i in range(3)], axis=1)
-    is_near = frame.near(edges.reshape(-1, 2, 2)).reshape(-1, 3).any(axis=1)
+    is_near = tip.near(edges.reshape(-1, 2, 2)).reshape(-1, 3).any(axis=1)
     cells = np.flatnonzero(is_near).astype(np.int32)
     points = np.concatenate([corners[cells], corners[cells].mean(axis=1, keepdims=True)], axis=1)
-    local = model.constitution.metric(points, cells).reshape(-1, 3, 3)
-    (values,) = of_all(model.space.comm, local)
+    metric = model.constitution.metric
+    sizes = *points.shape[:2], metric.size, metric.size
+    local = np.broadcast_to(metric.of_material(points, cells), sizes)
+    (values,) = of_all(space.comm, local.reshape(-1, *sizes[2:]))
     first = values[0]
     changes = abs(values - first).max()
-    # In Mandel components shear has the factor S_11 - S_12 in an isotropic material.
-    isotropic = np.diag([first[0, 0], first[0, 0], first[0, 0] - first[0, 1]])
-    isotropic[0, 1] = isotropic[1, 0] = first[0, 1]
+    # In Mandel components C^-1 is 1/(2 mu) and, among normal components, - nu/E.
+    normal = np.trace(space.section.basis, axis1=1, axis2=2)
+    of_shear = first[0, 0] - first[0, 1]
+    isotropic = of_shear * np.eye(metric.size) + first[0, 1] * np.outer(normal, normal)
     if max(changes, abs(first - isotropic).max()) > SAME_MATERIAL * first.max():
         raise InputError(
             f"{goal!r}: within the radius the material has to be one isotropic material; give a"
             " smaller radius."
         )
-    return np.asarray(first)
+    kappa = tip.kappa(first)
+    return TipMaterial(kappa, float(4 / ((kappa + 1) * of_shear)))
 
 
-def _work_on_faces(error: ConstitutiveError, frame: _Frame) -> BoundedNumber:
+def _work_on_faces(error: ConstitutiveError, tip: Tip, kappa: float) -> BoundedNumber:
     """Return what tractions on the faces add [force/length^1.5]; collective."""
     model = error.model
     space = model.space
+    weight = tip.weight_above(kappa)
     total = BoundedNumber(0.0)
     for load in model.surface_loads:
         facets = model.domain.owned_facets(load.facets)
         density = partial(_of_load, space, space.everywhere(load.density), facets)
-        value, _ = _on_faces(space, frame, facets, density)
-        total += BoundedNumber(value, 0.0, value == 0.0 or not load.varies)
+        value, unknown, size = _on_faces(space, tip, weight, facets, density)
+        total += BoundedNumber(value, unknown, unknown <= ROUND_OFF * size)
     for traction in error.admissible.tractions:
         trace = traction.contact.trace
         here = trace.here
@@ -234,50 +215,61 @@ def _work_on_faces(error: ConstitutiveError, frame: _Frame) -> BoundedNumber:
             count = len(side.facets)
             owned = here.owned[:count]
             density = partial(_of_contact, space.degree, sign * traction.values[:count][owned])
-            value, size = _on_faces(space, frame, side.facets[owned], density)
+            value, _, size = _on_faces(space, tip, weight, side.facets[owned], density)
             total += BoundedNumber(value, 0.0, abs(value) <= ROUND_OFF * size)
     return total
 
 
 def _on_faces(
-    space: Space, frame: _Frame, facets: np.ndarray, density: Density
-) -> tuple[float, float]:
-    """Integrate tractions against the weight of the faces; collective.
+    space: Space,
+    tip: Tip,
+    weight: Weight,
+    facets: np.ndarray,
+    density: Density,
+) -> tuple[float, float, float]:
+    """Integrate tractions against a weight on the faces; collective.
 
     With ``rho = s^2`` the weight has no singularity.
 
     Args:
         space: The mesh.
-        frame: The frame of the tip.
+        tip: The tip.
+        weight: Of :meth:`.Tip.weight_above`.
         facets: Facets (cell, local facet), each on one rank, shape (f, 2).
         density: The tractions.
 
     Returns:
-        The integral, and the integral of the size of the tractions [force/length^1.5].
+        The integral, how far a rule is off it, and the integral of the sizes of
+        tractions and weight [force/length^1.5].
     """
-    goal = frame.goal
+    goal = tip.goal
     corners = space.facet_corners(facets)
-    chosen = np.flatnonzero(frame.near(corners) & frame.on_faces(corners))
+    chosen = np.flatnonzero(tip.near(corners) & tip.on_faces(corners))
     middles = space.cell_corners()[facets[chosen, 0]].mean(axis=1)
-    side = np.sign(frame.at(middles)[:, 1])
-    unit = frame.aside if goal.mode == "I" else frame.forward
-    ends = -frame.at(corners[chosen])[..., 0]
-    points, weights = rule(1, DEGREE_OF_FACES)
+    side = np.sign(tip.at(middles)[:, 1])
+    ends = -tip.at(corners[chosen])[..., 0]
     inner = INNER_SHARE * goal.radius
-    totals = np.zeros(2)
-    for low, high in ((0.0, inner), (inner, goal.radius)):
-        # The ends of each facet within this range of rho; equal outside, so no weight.
-        roots = np.sqrt(np.sort(np.clip(ends, low, high), axis=1))
-        width = roots[:, 1:] - roots[:, :1]
-        rho = (roots[:, :1] + width * points[:, 0]) ** 2
-        share = (rho - ends[:, :1]) / (ends[:, 1:] - ends[:, :1])
-        eta, _, _ = cut_off(np.maximum(rho, inner), goal.radius)
-        weight = np.sqrt(2 / np.pi) * eta * width * weights
-        values = density(chosen, share)
-        totals[0] += (weight * side[:, None] * (values @ unit)).sum()
-        totals[1] += (weight * np.linalg.norm(values, axis=-1)).sum()
-    value, size = space.comm.allreduce(totals, MPI.SUM)
-    return float(value), float(size)
+    totals = np.zeros((2, 2))
+    for total, degree in zip(totals, DEGREES_OF_FACES, strict=True):
+        points, weights = rule(1, degree)
+        for low, high in ((0.0, inner), (inner, goal.radius)):
+            # The ends of each facet within this range of rho; equal outside it.
+            roots = np.sqrt(np.sort(np.clip(ends, low, high), axis=1))
+            width = roots[:, 1:] - roots[:, :1]
+            s = roots[:, :1] + width * points[:, 0]
+            rho = s**2
+            share = (rho - ends[:, :1]) / (ends[:, 1:] - ends[:, :1])
+            eta, _, _ = cut_off(np.maximum(rho, inner), goal.radius)
+            # d rho is 2 s ds.
+            of_s = sum(2 * (s ** (2 * p + 1))[..., None] * c for p, c in weight)
+            of_point = side[:, None, None] * (eta * width * weights)[..., None] * of_s
+            values = density(chosen, share)
+            total[0] += (of_point * values).sum()
+            sizes = np.linalg.norm(values, axis=-1) * np.linalg.norm(of_point, axis=-1)
+            total[1] += sizes.sum()
+    totals = space.comm.allreduce(totals, MPI.SUM)
+    (rough, _), (value, size) = totals.tolist()
+    return value, abs(value - rough), size
 
 
 def _of_load(

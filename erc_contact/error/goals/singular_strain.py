@@ -107,6 +107,15 @@ def _local(mode: str, kappa: Ufl, cosine: Ufl, sine: Ufl, r: Ufl, radius: Ufl) -
         r: Distance from the tip [length].
         radius: Where eta is zero [length].
     """
+    of_eta, w, T = cut_fields(mode, kappa, cosine, sine, r, radius)
+    identity = ufl.Identity(2)
+    return ufl.sym(ufl.outer(of_eta, w)) - T + (3 - kappa) / 4 * ufl.tr(T) * identity
+
+
+def cut_fields(
+    mode: str, kappa: Ufl, cosine: Ufl, sine: Ufl, r: Ufl, radius: Ufl
+) -> tuple[Ufl, Ufl, Ufl]:
+    """Return grad eta, w and T' in the frame of the crack, see :func:`_local`."""
     P, Q = potential(mode, cosine, sine, r)
     b = PSI_SHARES[mode]
     cosine_2, sine_2 = cosine**2 - sine**2, 2 * cosine * sine
@@ -120,15 +129,18 @@ def _local(mode: str, kappa: Ufl, cosine: Ufl, sine: Ufl, r: Ufl, radius: Ufl) -
             (cosine_2 * Q - sine_2 * P) / 2 - b * Q,
         ]
     )
+    of_eta, second = cut_off_slopes(cosine, sine, r, radius)
+    hessian = A * second + ufl.outer(of_eta, of_A) + ufl.outer(of_A, of_eta)
+    T = ufl.as_matrix([[hessian[1, 1], -hessian[0, 1]], [-hessian[0, 1], hessian[0, 0]]])
+    return of_eta, w, T
+
+
+def cut_off_slopes(cosine: Ufl, sine: Ufl, r: Ufl, radius: Ufl) -> tuple[Ufl, Ufl]:
+    """Return the first and the second derivatives of eta, shapes (2,) and (2, 2)."""
     _, slope, curvature = cut_off(r, radius)
     outward = ufl.as_vector([cosine, sine])
     radial = ufl.outer(outward, outward)
-    identity = ufl.Identity(2)
-    of_eta = slope * outward
-    second = curvature * radial + slope / r * (identity - radial)
-    hessian = A * second + ufl.outer(of_eta, of_A) + ufl.outer(of_A, of_eta)
-    T = ufl.as_matrix([[hessian[1, 1], -hessian[0, 1]], [-hessian[0, 1], hessian[0, 0]]])
-    return ufl.sym(ufl.outer(of_eta, w)) - T + (3 - kappa) / 4 * ufl.tr(T) * identity
+    return slope * outward, curvature * radial + slope / r * (ufl.Identity(2) - radial)
 
 
 def potential(mode: str, cosine: Ufl, sine: Ufl, r: Ufl) -> tuple[Ufl, Ufl]:

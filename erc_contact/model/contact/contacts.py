@@ -114,12 +114,7 @@ def bind_contact(
         gaps.append(ufl.dot(motion, normal))
         given_gaps.append(gaps[-1])
     friction = _friction(space, contact, facets, normals.direction)
-    stiffnesses = {}
-    for name in ("normal", "tangential"):
-        k = getattr(contact.foundation, name, None)
-        if k is not None:
-            words = f"{what}: {name} stiffness of the foundation"
-            stiffnesses[name] = space.on_meridian(number(space, k, words))
+    stiffnesses = _stiffnesses(space, contact, part, what)
     # Friction alone remembers where the contact was; copies are where they belong.
     before = None
     lost = None
@@ -151,6 +146,22 @@ def bind_contact(
         moved=moved,
         between=apart.between,
     )
+
+
+def _stiffnesses(space: Space, contact: Contact, part: str, what: str) -> dict[str, Ufl]:
+    """Return the stiffnesses of a compliant foundation [force/length^3]; collective.
+
+    On a curved part they are per area of the true surface, as springs are.
+    """
+    stiffnesses = {}
+    for name in ("normal", "tangential"):
+        k = getattr(contact.foundation, name, None)
+        if k is not None:
+            stiffness = number(space, k, f"{what}: {name} stiffness of the foundation")
+            factor = space.area_factor(part)
+            density = stiffness if factor is None else factor * stiffness
+            stiffnesses[name] = space.on_meridian(density)
+    return stiffnesses
 
 
 def _sides(space: Space, contact: Contact, modulus: Ufl) -> tuple[str, Side, Side]:
