@@ -446,7 +446,7 @@ class Domain(Bodies):
                 and there are several ranks.
 
         Example:
-            >>> pair = namedmesh.translated(block, "left", "right")
+            >>> pair = nm.translated(block, "left", "right")
             >>> here, there = block.with_periodic([pair]).facing("left", "right")
             >>> len(here)
             2

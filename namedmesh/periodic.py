@@ -67,16 +67,16 @@ class PeriodicPair:
         rows = tuple(map(tuple, plain["rotation"]))
         return cls(tuple(plain["names"]), rows, tuple(plain["shift"]), axis)
 
-    def is_near(self, other: PeriodicPair, extent: float) -> bool:
+    def is_near(self, second: PeriodicPair, extent: float) -> bool:
         """Tell whether another pair has the same sides and, up to round-off, motion.
 
         Args:
-            other: The other pair.
+            second: A pair.
             extent: Size of the body [length].
         """
-        turned = abs(np.array(self.rotation) - np.array(other.rotation)).max()
-        shifted = abs(np.array(self.shift) - np.array(other.shift)).max() / extent
-        return self.names == other.names and bool(max(turned, shifted) < SAME_PLACE)
+        turned = abs(np.array(self.rotation) - np.array(second.rotation)).max()
+        shifted = abs(np.array(self.shift) - np.array(second.shift)).max() / extent
+        return self.names == second.names and bool(max(turned, shifted) < SAME_PLACE)
 
     @property
     def turns(self) -> bool:
@@ -98,7 +98,7 @@ def translated(mesh: NamedMesh, here: str, there: str) -> PeriodicPair:
         there: Name of the part onto which the translation takes it.
 
     Example:
-        >>> namedmesh.translated(block, "left", "right").shift
+        >>> nm.translated(block, "left", "right").shift
         (2.0, 0.0)
     """
     shift = _centre(mesh, there) - _centre(mesh, here)
@@ -121,7 +121,7 @@ def turned(
         sectors: Number of turns that bring the body back, > 1.
 
     Example:
-        >>> quarter = namedmesh.turned(block, "left", "bottom", [(0.0, 0.0)], 4)
+        >>> quarter = nm.turned(block, "left", "bottom", [(0.0, 0.0)], 4)
         >>> quarter.rotation
         ((0.0, 1.0), (-1.0, 0.0))
     """
@@ -186,7 +186,7 @@ def facing_sides(mesh: NamedMesh, pair: PeriodicPair) -> Facing:
 
 
 def across(mesh: NamedMesh, pairs: Sequence[PeriodicPair], given: np.ndarray | None = None) -> Any:
-    """Return a partitioner that takes points and their images for one; collective.
+    """Return a partitioner that takes a point for the same as its image; collective.
 
     Args:
         mesh: The mesh.

@@ -165,12 +165,12 @@ def check_neighbours(
     """
     for face in faces:
         _check_beside(space, face, held, f"{face.what} and a support")
-        for other in faces:
-            if other is not face:
+        for second in faces:
+            if second is not face:
                 moved = np.zeros(held.shape, dtype=bool)
-                moved[other.nodes] = (other.reach > UNMOVED).any(axis=2)
+                moved[second.nodes] = (second.reach > UNMOVED).any(axis=2)
                 moved = marks_of_owners(space, moved)
-                _check_beside(space, face, moved, f"{face.what} and {other.what}")
+                _check_beside(space, face, moved, f"{face.what} and {second.what}")
         for contact in contacts:
             _check_contact(space, face, contact, f"{face.what} and Contact({contact.name!r})")
 

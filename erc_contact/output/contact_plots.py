@@ -26,7 +26,7 @@ from erc_contact.output.drawing import (
 from erc_contact.output.files import PARTS
 from erc_contact.output.gathered import AXIS, WholeContact, whole_contact
 from erc_contact.output.placing import panels
-from erc_contact.scene.periodic import Held
+from erc_contact.scene.periodic import HELD
 from namedmesh.base.names import in_picture, known_names
 from namedmesh.pictures import draw_figure, subdivide
 from namedmesh.simplex import bernstein
@@ -121,7 +121,7 @@ def contact_curves(surface: WholeContact, ax: Any = None) -> Any:
     with panels("plot_contact in 2D", ax, [CURVES_SIZE]) as (axes,):
         _draw_strips(axes, abscissa, status)
         # Joints and copies have no bound, and without friction there is no shear.
-        limited = bool((traction.friction_bound < 0.5 * Held.LIMIT).all())
+        limited = bool((traction.friction_bound < 0.5 * HELD.LIMIT).all())
         has_shear = bool(traction.friction_bound.any())
         if limited and has_shear:
             bound = line.path(line.curve(traction.friction_bound))

@@ -34,7 +34,7 @@ Numbers = Sequence[float]
 """Components of a vector."""
 
 
-class Held:
+class HeldTogether:
     """Declare that a contact sticks, whatever its traction."""
 
     parameters: ClassVar[tuple[str, ...]] = ()
@@ -46,7 +46,7 @@ class Held:
         return self.LIMIT
 
 
-HELD = Held()
+HELD = HeldTogether()
 """The law between copies of a body."""
 
 
@@ -169,7 +169,7 @@ class Periodic(PeriodicSides):
 
 @dataclass(frozen=True)
 class Cyclic(PeriodicSides):
-    """Declare that a body is one of n equal sectors about an axis.
+    """Declare that a body is a sector, and n equal sectors about an axis are the whole.
 
     The turn by 360/n degrees takes the side ``facets`` onto the side ``against``; loads
     and contacts turn with it. The displacement of one side is the turned displacement
@@ -220,7 +220,7 @@ class Cyclic(PeriodicSides):
             raise InputError(f"{what}: sectors is {n!r}; give a whole number > 1.")
 
     def pair_on(self, domain: Domain) -> PeriodicPair:
-        """Return the sides with the turn that takes one onto the other; collective.
+        """Return the sides with the turn of the first onto the second side; collective.
 
         Raises:
             InputError: If the axis has not the dimension of the mesh.
