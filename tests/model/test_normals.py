@@ -550,3 +550,29 @@ def test_normals_at_the_rims_of_a_cone(shared_tmp_path):
     assert (
         abs(np.linalg.norm(corners[..., :2], axis=-1) - 0.5 - slope * corners[..., 2]).max() > 0.01
     )
+
+
+def corner_of_ring(cells):
+    """A quarter of a ring between radii 1 and 2, made of a rectangle."""
+    whole = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=cells)
+    x = whole.mesh.geometry.x
+    radius, angle = 1.0 + x[:, 0], np.pi / 2 * x[:, 1]
+    x[:, :2] = np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
+    return ec.Domain(whole.mesh, whole.facet_tags, whole.names)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_vertices_beside_the_circle_do_not_let_a_ring_turn(degree):
+    """New vertices lie on chords: there given normals hold the turn, as the pair knows."""
+    ring = corner_of_ring((2, 4)).refined()
+    around = ec.Contact("right", normal=lambda x: (x[0], x[1]), gap=-2e-3)
+    scene = ec.Scene(ec.Elastic(1.0, NU), loads=ec.Traction("left", pressure=3e-3), contacts=around)
+    assert certified(scene, ring, degree=degree).relative < 0.9
+
+
+def test_a_circle_of_four_facets_is_refused():
+    square = ec.rectangle((-1.0, -1.0), (1.0, 1.0), cells=(1, 1))
+    around = ec.Contact("bottom", normal=lambda x: (x[0], x[1]))
+    scene = ec.Scene(ec.Elastic(1.0, NU), ec.Displacement("top", (0.0, -0.01)), contacts=around)
+    with pytest.raises(ec.InputError, match="turns by 90 degrees along a facet"):
+        ec.solve(scene, square)

@@ -28,6 +28,7 @@ from erc_contact.model.contact.friction import Friction, bind_friction
 from erc_contact.model.contact.friction_set import DISC, WHOLE, Disc, Ellipse
 from erc_contact.model.contact.normals import (
     SAME_NORMAL,
+    check_turning,
     gap_vectors,
     normal_field,
     normals_of_side,
@@ -363,8 +364,10 @@ def _varying_normal(
     normal, of_corners = normal_field(space, facets, of_corners)
     middle = of_corners.sum(axis=1)
     middle /= np.linalg.norm(middle, axis=1)[:, None]
-    turning = of_corners if turns(space.comm, of_corners) else None
-    return _Normals(normal, middle, turning, given)
+    if not turns(space.comm, of_corners):
+        return _Normals(normal, middle, None, given)
+    check_turning(space.comm, f"Contact({contact.facets!r})", of_corners)
+    return _Normals(normal, middle, of_corners, given)
 
 
 def _common_normals(space: Space, contact: Contact, sides: Trace) -> np.ndarray:

@@ -25,6 +25,7 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
+from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.contact.trace import Side
 from erc_contact.model.space import Space
@@ -34,6 +35,8 @@ from namedmesh.simplex import barycentric, rule
 
 SAME_NORMAL = 1e-9
 """Difference of two unit normals that counts as none [-]."""
+LEAST_COSINE = 0.2
+"""Least cosine of the angle between the normals at two vertices of a facet [-]."""
 LENGTH_DEGREE = 8
 """Quadrature degree of the mean of |N| on a facet."""
 
@@ -231,3 +234,24 @@ def _of_all_facets(
     dofs = _dofs(space, fields[0], facets)
     values = np.array([field.x.array.reshape(-1, d)[dofs] for field in fields])
     return values[slot, np.arange(len(facets))]
+
+
+def check_turning(comm: MPI.Comm, what: str, of_corners: np.ndarray) -> None:
+    """Check that normals turn by less than a right angle along facets; collective.
+
+    Args:
+        comm: The ranks.
+        what: The contact, in words.
+        of_corners: Normals at the vertices of each facet, shape (f, d, d).
+
+    Raises:
+        InputError: If they turn by more.
+    """
+    unit = of_corners / np.linalg.norm(of_corners, axis=2, keepdims=True)
+    cosine = 1.0 - greatest(comm, 1.0 - np.einsum("fid,fjd->fij", unit, unit))
+    if cosine < LEAST_COSINE:
+        found, allowed = np.degrees(np.arccos([cosine, LEAST_COSINE]))
+        raise InputError(
+            f"{what}: its normal turns by {found:.0f} degrees along a facet, as where four facets"
+            f" stand for a circle. Mesh the part finer, so that it turns by {allowed:.0f} at most."
+        )

@@ -47,7 +47,7 @@ def placed(space: Space, contact: Contact) -> Contact:
 
 
 def rotation_of(space: Space, contact: Contact) -> np.ndarray | None:
-    """Return R, which turns the first side of a contact onto the second side, or None."""
+    """Return R, which turns the first side of a contact onto the second; or None."""
     pair = _pair_of(space, contact)
     return None if pair is None or not pair.turns else np.array(pair.rotation)
 

@@ -16,6 +16,7 @@ from erc_contact.model.motions.rigid_faces import RigidFace
 from erc_contact.model.motions.rigid_motions import kernel, sum_products
 from erc_contact.model.space import Space
 from erc_contact.model.springs import BoundSpring
+from namedmesh.simplex import barycentric, lagrange, nodes
 
 
 def resisted_by_all(
@@ -137,10 +138,18 @@ def _by_contact(
     resisted = jumps.reshape(*here.shape, trace.here.d, 2 * m)
     if contact.friction is None:
         normals = np.broadcast_to(trace.normals, (*here.shape, trace.here.d))
+        if trace.corner_normals is not None and contact.given_normal is not None:
+            # On vertices beside the true surface, normals that a scene gives resist
+            # between the nodes what they let pass at the nodes.
+            between = nodes(trace.here.d - 1, 2 * trace.here.degree)
+            shape = lagrange(trace.here.d - 1, trace.here.degree, between)
+            resisted = np.einsum("qn,fndi->fqdi", shape, resisted)
+            normals = trace.normals_at_places(barycentric(between))
+            bodies = np.repeat(bodies[:, :1], len(between), axis=1)
         normal_part = np.einsum("fndi,fnd->fni", resisted, normals)
         resisted = normal_part[:, :, None]
-    groups = bodies.reshape(here.size, 2)
-    at_nodes = resisted.reshape(here.size, *resisted.shape[2:])
+    groups = bodies.reshape(-1, 2)
+    at_nodes = resisted.reshape(-1, *resisted.shape[2:])
     total = np.zeros((count + 1, m, count + 1, m))
     for group in np.unique(groups, axis=0):
         of_group = at_nodes[(groups == group).all(axis=1)]
