@@ -297,6 +297,23 @@ def test_ranks_change_nothing(degree):
 
 
 @pytest.mark.ranks
+def test_ranks_without_sides_of_copies():
+    """The sides of a long strip are on one rank, and another rank has none of them."""
+
+    def of_strip(comm):
+        strip = ec.rectangle((0.0, 0.0), (12.0, 1.0), cells=(36, 3), comm=comm)
+        pressed = ec.Traction("top", pressure=lambda x: 0.01 + 0.002 * ufl.cos(np.pi * x[0] / 6))
+        contact = ec.Contact("bottom", friction=ec.Tresca(0.001))
+        sides = ec.Periodic("left", "right", mean_strain=((0.001, 0.0), (0.0, 0.0)))
+        return certified(ec.Scene(ec.Elastic(1.0, 0.3), sides, pressed, contact), strip)
+
+    error = of_strip(COMM)
+    counts = COMM.allgather(len(error.domain.facets("left")))
+    assert COMM.size < 3 or min(counts) == 0
+    assert error.relative == pytest.approx(of_strip(MPI.COMM_SELF).relative, rel=1e-8)
+
+
+@pytest.mark.ranks
 def test_ranks_change_nothing_in_space():
     numbers = []
     for comm in (MPI.COMM_SELF, COMM):

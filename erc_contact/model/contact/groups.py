@@ -97,9 +97,11 @@ class Groups:
     def _patterns(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the different B, shape (b, R, C), and the place of each, (G d,).
 
-        There are few of them.
+        There are few of them, and none where a rank has no pairs.
         """
         height, width = self.jumps.shape[2:]
+        if self.jumps.size == 0:
+            return np.empty((0, height, width)), np.empty(0, dtype=np.int64)
         flat = self.jumps.reshape(-1, height * width)
         unique, place = np.unique(flat, axis=0, return_inverse=True)
         return unique.reshape(-1, height, width), place.ravel()
