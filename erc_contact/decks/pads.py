@@ -232,7 +232,7 @@ def _motions(
     Args:
         points: The points.
         rows: Their components in the rigid motions about the reference, shape (n, m).
-        acting: Those of them that are held at a time.
+        acting: Which components are held at a time.
 
     Returns:
         An entry with the history, and the amount of each motion, which is NaN where the

@@ -53,7 +53,7 @@ def geometry_squares(admissible: Admissible, of_sum: np.ndarray) -> np.ndarray:
 
         - int (w - f.u + div(p u)) o.n - c int T^2/(2 E) (o.n)^2/h,
 
-    with the part T of the stress along the surface, less that of the pressure p. The
+    with the part T of the stress along the surface, less the pressure p there. The
     first term has both signs, and facets that keep the volume leave little of it. It is
     summed on each curve or surface of the drawing. The second term has one sign. Where
     both signs meet on a surface, the greater term counts. Twice the sum is the square.
@@ -188,8 +188,11 @@ class _Surface:
                 continue
             x, sides = self._x[on], self._between.sides[on]
             u = function_at(self._pair.displacement, x, sides[:, 0]).reshape(x.shape)
-            # The difference along u, over as much as the heights.
-            step = abs(self._between.heights[on]).max() / (abs(u).max() or 1.0)
+            # The difference along u, over as much as the heights of the same facet: the
+            # facets of other ranks do not matter.
+            heights = abs(self._between.heights[on]).max(axis=1)
+            most = abs(u).max(axis=(1, 2))
+            step = np.divide(heights, most, out=heights.copy(), where=most > 0)[:, None, None]
             places = x, x + step * u
             before, after = (space.section.over(density(at, sides), at) for at in places)
             change = space.section.times(after - before, x) / step

@@ -4,7 +4,7 @@ A scene is solved with shifts q, so that each bolt is one body. The force of a b
 grows with its shift, linearly as long as the contacts do not change and nothing yields.
 In a scene that its bolts alone load, without gaps, it is proportional to the shift, so
 that the second solve has the force to round-off. Otherwise Broyden's method follows it.
-All solves start from each other, and those of linear bodies share one factor or
+All solves start from each other, and solves of linear bodies share one factor or
 hierarchy.
 """
 

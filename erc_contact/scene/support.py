@@ -334,7 +334,7 @@ class PlaneSection(Rigid):
             number.
 
     Source: as a rigid face in the components that it has. Its other components are a
-    free boundary, so that e (16) keeps its meaning: u^ . n is that of a plane, and
+    free boundary, so that e (16) keeps its meaning: u^ . n is linear on the part, and
     sigma^ has no shear there and the given resultants.
 
     Example:

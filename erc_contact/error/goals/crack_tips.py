@@ -82,7 +82,7 @@ class Tip:
         Tractions of rings are times the circumference.
         """
         on_face = plane_field(self.goal.mode, kappa).on_face()[-0.5]
-        # Components along the crack and aside are those of a complex number.
+        # A complex number has its components along the crack and aside.
         plane = on_face.real * self.forward + on_face.imag * self.aside
         return [(-0.5, -2 / (kappa + 1) * plane)]
 

@@ -84,5 +84,6 @@ def check_alike(frames: np.ndarray | None, free: np.ndarray) -> None:
         raise InputError(
             "A support holds some components at Cyclic sides that turn into others. Hold all"
             " components there, or along the axis alone; a part whose sectors move radially has"
-            " a bilateral Contact with normal= in place of the support."
+            " a bilateral Contact with normal= in place of the support. Where no support is, all"
+            " vertices lie at these sides; refine the mesh."
         )

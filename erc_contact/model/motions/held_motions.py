@@ -137,8 +137,8 @@ def _by_contact(
     jumps[trace.facing, ..., 1, :] = -of_partners
     resisted = jumps.reshape(*here.shape, trace.here.d, 2 * m)
     if contact.friction is None:
-        normals = np.broadcast_to(trace.normals, (*here.shape, trace.here.d))
-        if trace.corner_normals is not None and contact.given_normal is not None:
+        normals = trace.normals
+        if contact.given_normal is not None:
             # On vertices beside the true surface, normals that a scene gives resist
             # between the nodes what they let pass at the nodes.
             between = nodes(trace.here.d - 1, 2 * trace.here.degree)
@@ -146,6 +146,7 @@ def _by_contact(
             resisted = np.einsum("qn,fndi->fqdi", shape, resisted)
             normals = trace.normals_at_places(barycentric(between))
             bodies = np.repeat(bodies[:, :1], len(between), axis=1)
+        normals = np.broadcast_to(normals, resisted.shape[:-1])
         normal_part = np.einsum("fndi,fnd->fni", resisted, normals)
         resisted = normal_part[:, :, None]
     groups = bodies.reshape(-1, 2)
