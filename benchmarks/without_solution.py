@@ -36,6 +36,8 @@ ELASTIC = ec.Elastic(1.0, 0.3)
 WEIGHT = 1e-3
 """Force per volume over the modulus [-]."""
 QUANTILES = (50, 90, 100)
+DEAREST = 3.0
+"""How many times the seconds of the scene below the limit a refusal should take [-]."""
 
 
 @dataclass(frozen=True)
@@ -259,7 +261,7 @@ def told(family: Family, share: float, words: str) -> float | None:
 def main(seed: int = 0, count: int = 100) -> None:
     """Solve the scenes of a seed beyond and below their limits."""
     seconds: dict[bool, list[float]] = {True: [], False: []}
-    ratios = []
+    ratios: dict[bool, list[float]] = {True: [], False: []}
     errors = []
     wrong = 0
     unsolved = 0
@@ -288,17 +290,19 @@ def main(seed: int = 0, count: int = 100) -> None:
         if trouble:
             unsolved += 1
             head += f"; NOT SOLVED at {below:.4g}: {trouble[:200]}"
-        if not family.by_statics:
-            ratios.append(refused_for / solved_for)
-            head += f"; {ratios[-1]:.1f} times"
+        ratio = refused_for / solved_for
+        ratios[family.by_statics].append(ratio)
+        head += f"; {ratio:.1f} times"
         print(f"{head}; {refused_for:.2f} s: {words[:400]}", flush=True)
-    of_all = [*seconds[True], *seconds[False]]
     print(f"{count} scenes, {wrong} not refused as they should, {unsolved} not solved below")
-    for name, values in (("all", of_all), ("by statics", seconds[True]), ("else", seconds[False])):
-        median, most, worst = np.percentile(values or [0.0], QUANTILES)
-        print(f"seconds, {name}: {len(values)}, median {median:.2f}, 90% {most:.2f}, {worst:.2f}")
+    for name, proved in (("by statics", True), ("else", False)):
+        median, most, worst = np.percentile(seconds[proved] or [0.0], QUANTILES)
+        print(f"seconds, {name}: median {median:.2f}, 90% {most:.2f}, {worst:.2f}")
+        median, most, worst = np.percentile(ratios[proved] or [0.0], QUANTILES)
+        few = sum(ratio <= DEAREST for ratio in ratios[proved])
+        print(f"refused over solved below, {name}: median {median:.1f}, 90% {most:.1f}, ", end="")
+        print(f"{worst:.1f}; {few} of {len(ratios[proved])} at most {DEAREST:g}")
     print(f"limit told in {len(errors)}, off by {max(errors, default=0.0):.1e} at most")
-    print("refused over solved below, else: " + ", ".join(f"{x:.1f}" for x in sorted(ratios)))
 
 
 if __name__ == "__main__":

@@ -24,8 +24,6 @@ with sigterm_blocked():  # the threads that MPI starts block it, too
     # Old releases of other packages are refused before our modules miss a name in them.
     import namedmesh.base.releases  # noqa: F401
 
-from erc_contact.admissible.equilibrate import equilibrate
-from erc_contact.admissible.pair import Admissible
 from erc_contact.base.exceptions import (
     ErcContactError,
     InputError,
@@ -36,28 +34,6 @@ from erc_contact.base.exceptions import (
 from erc_contact.base.keywords import name_nearest
 from erc_contact.base.logs import log_to_console
 from erc_contact.base.versions import versions
-from erc_contact.error.bounds import potential_energy, resultant, work_of_loads
-from erc_contact.error.certify import Certificate, certify
-from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
-from erc_contact.error.coulomb.certificate import CoulombCertificate, coulomb_certificate
-from erc_contact.error.goals.interval import interval
-from erc_contact.error.multiplicity import other_solutions
-from erc_contact.error.numbers import Bounds
-from erc_contact.error.optimal import SizeMap
-from erc_contact.error.oscillation import Oscillations
-from erc_contact.error.sizes import Sizes, size_map
-from erc_contact.error.stiffness import stiffness
-from erc_contact.error.strategy import Mark, Strategy, Uniform, mark
-from erc_contact.newton.methods import AugmentedLagrangian, Method, Nitsche
-from erc_contact.newton.solution import Solution
-from erc_contact.newton.solve import solve
-from erc_contact.run.adapt import adapt
-from erc_contact.run.evolution import Evolution
-from erc_contact.run.evolve import evolve
-from erc_contact.run.history import History
-from erc_contact.run.saved import read_history
-from erc_contact.run.step import Step
-from erc_contact.run.time_row import TimeStep
 from erc_contact.scene import goal as goals  # noqa: F401 - ec.goals has the names of goals
 from erc_contact.scene.contact import Contact, Foundation, Symmetry
 from erc_contact.scene.goal import (
@@ -101,7 +77,31 @@ from namedmesh import (
 )
 
 if TYPE_CHECKING:
+    from erc_contact.admissible.equilibrate import equilibrate
+    from erc_contact.admissible.pair import Admissible
     from erc_contact.decks.deck import Deck, read_deck
+    from erc_contact.error.bounds import potential_energy, resultant, work_of_loads
+    from erc_contact.error.certify import Certificate, certify
+    from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
+    from erc_contact.error.coulomb.certificate import CoulombCertificate, coulomb_certificate
+    from erc_contact.error.goals.interval import interval
+    from erc_contact.error.multiplicity import other_solutions
+    from erc_contact.error.numbers import Bounds
+    from erc_contact.error.optimal import SizeMap
+    from erc_contact.error.oscillation import Oscillations
+    from erc_contact.error.sizes import Sizes, size_map
+    from erc_contact.error.stiffness import stiffness
+    from erc_contact.error.strategy import Mark, Strategy, Uniform, mark
+    from erc_contact.newton.methods import AugmentedLagrangian, Method, Nitsche
+    from erc_contact.newton.solution import Solution
+    from erc_contact.newton.solve import solve
+    from erc_contact.run.adapt import adapt
+    from erc_contact.run.evolution import Evolution
+    from erc_contact.run.evolve import evolve
+    from erc_contact.run.history import History
+    from erc_contact.run.saved import read_history
+    from erc_contact.run.step import Step
+    from erc_contact.run.time_row import TimeStep
 
 __all__ = [
     "Admissible",
@@ -203,15 +203,60 @@ __all__ = [
     "write_domain",
 ]
 
-_LATE = {"Deck": "erc_contact.decks.deck", "read_deck": "erc_contact.decks.deck"}
-"""Names that few scenes need -> their modules, imported when they are asked for."""
+_LATE = {
+    "Admissible": "erc_contact.admissible.pair",
+    "AugmentedLagrangian": "erc_contact.newton.methods",
+    "Bounds": "erc_contact.error.numbers",
+    "Certificate": "erc_contact.error.certify",
+    "ConstitutiveError": "erc_contact.error.constitutive",
+    "CoulombCertificate": "erc_contact.error.coulomb.certificate",
+    "Deck": "erc_contact.decks.deck",
+    "Evolution": "erc_contact.run.evolution",
+    "History": "erc_contact.run.history",
+    "Mark": "erc_contact.error.strategy",
+    "Method": "erc_contact.newton.methods",
+    "Nitsche": "erc_contact.newton.methods",
+    "Oscillations": "erc_contact.error.oscillation",
+    "SizeMap": "erc_contact.error.optimal",
+    "Sizes": "erc_contact.error.sizes",
+    "Solution": "erc_contact.newton.solution",
+    "Step": "erc_contact.run.step",
+    "Strategy": "erc_contact.error.strategy",
+    "TimeStep": "erc_contact.run.time_row",
+    "Uniform": "erc_contact.error.strategy",
+    "adapt": "erc_contact.run.adapt",
+    "certify": "erc_contact.error.certify",
+    "constitutive_error": "erc_contact.error.constitutive",
+    "coulomb_certificate": "erc_contact.error.coulomb.certificate",
+    "equilibrate": "erc_contact.admissible.equilibrate",
+    "evolve": "erc_contact.run.evolve",
+    "interval": "erc_contact.error.goals.interval",
+    "mark": "erc_contact.error.strategy",
+    "other_solutions": "erc_contact.error.multiplicity",
+    "potential_energy": "erc_contact.error.bounds",
+    "read_deck": "erc_contact.decks.deck",
+    "read_history": "erc_contact.run.saved",
+    "resultant": "erc_contact.error.bounds",
+    "size_map": "erc_contact.error.sizes",
+    "solve": "erc_contact.newton.solve",
+    "stiffness": "erc_contact.error.stiffness",
+    "work_of_loads": "erc_contact.error.bounds",
+}
+"""Names of what is done with a scene -> their modules, imported when asked for.
+
+Declaring a scene on a mesh needs no solver.
+"""
+_ROOMS = ("output", "results")
+"""Packages whose functions users call by them, imported likewise."""
 name_nearest(__name__, set(__all__) - set(_LATE))
 
 
 def __getattr__(name: str) -> Any:
-    """Import what few scenes need, and look the version up when it is asked for."""
+    """Import what a scene alone does not need, and look the version up."""
     if name == "__version__":
         return versions()["erc_contact"]
+    if name in _ROOMS:
+        return importlib.import_module(f"{__name__}.{name}")
     if name not in _LATE:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     module = importlib.import_module(_LATE[name])
@@ -222,4 +267,4 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     """List the public names alone, which users complete and see in ``dir``."""
-    return sorted([*__all__, "goals", "output", "results"])
+    return sorted([*__all__, "goals", *_ROOMS])

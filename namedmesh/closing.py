@@ -12,8 +12,9 @@ Symbols: d dimension.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
-from scipy import sparse  # type: ignore[import-untyped]
 
 CLOSED = 1e-10
 """Relative residual of the places of the glued mesh [-]."""
@@ -27,7 +28,8 @@ def close_bodies(x: np.ndarray, cells: np.ndarray, number: np.ndarray) -> np.nda
         cells: Points of their cells, shape (m, d+1).
         number: Number of each point in the glued mesh, 0 to g - 1, shape (n,).
     """
-    from scipy.sparse.linalg import cg  # type: ignore[import-untyped]  # noqa: PLC0415 - joints only
+    from scipy import sparse  # type: ignore[import-untyped]  # noqa: PLC0415 - joints only
+    from scipy.sparse.linalg import cg  # type: ignore[import-untyped]  # noqa: PLC0415
 
     count = number.max(initial=-1) + 1
     stiffness = _laplacian(x, cells)
@@ -49,8 +51,10 @@ def close_bodies(x: np.ndarray, cells: np.ndarray, number: np.ndarray) -> np.nda
     return np.column_stack(columns)
 
 
-def _laplacian(x: np.ndarray, cells: np.ndarray) -> sparse.csr_array:
+def _laplacian(x: np.ndarray, cells: np.ndarray) -> Any:
     """Return the matrix of ``d! int grad u . grad v`` of linear functions, (n, n)."""
+    from scipy import sparse  # noqa: PLC0415 - joints only
+
     corners = x[cells]
     edges = corners[:, 1:] - corners[:, :1]
     slopes = np.linalg.inv(edges).swapaxes(1, 2)

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from dolfinx import graph
-from scipy import sparse  # type: ignore[import-untyped]
 
 
 def components(count: int, edges: np.ndarray) -> np.ndarray:
@@ -19,7 +18,8 @@ def components(count: int, edges: np.ndarray) -> np.ndarray:
     # Most meshes are one body, and most scenes have no pair.
     if count <= 1 or not len(edges):
         return np.arange(count)
-    from scipy.sparse import csgraph  # type: ignore[import-untyped]  # noqa: PLC0415 - pairs only
+    from scipy import sparse  # type: ignore[import-untyped]  # noqa: PLC0415 - pairs only
+    from scipy.sparse import csgraph  # type: ignore[import-untyped]  # noqa: PLC0415
 
     links = sparse.coo_array((np.ones(len(edges), dtype=bool), edges.T), (count, count))
     _, label = csgraph.connected_components(links, directed=False)

@@ -32,7 +32,6 @@ from functools import cached_property
 
 import numpy as np
 from mpi4py import MPI
-from scipy import sparse  # type: ignore[import-untyped]
 
 from namedmesh.base.logs import log_of
 from namedmesh.simplex import edges, lagrange, mass, measures, normals_across, rule
@@ -272,7 +271,8 @@ def _solve(
     Returns:
         The number of vertices that :data:`MOST_MOVE` limits.
     """
-    from scipy.sparse.linalg import cg  # type: ignore[import-untyped]  # noqa: PLC0415 - for curves only
+    from scipy import sparse  # type: ignore[import-untyped]  # noqa: PLC0415 - for curves only
+    from scipy.sparse.linalg import cg  # type: ignore[import-untyped]  # noqa: PLC0415
 
     chosen = free[simplices].any(axis=1)
     simplices, offset = simplices[chosen], offset[chosen]
