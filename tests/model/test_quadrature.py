@@ -123,6 +123,25 @@ def test_jumps_between_cells_are_smooth():
     assert found.value.ravel() == pytest.approx([0.5, 50.0], rel=1e-12)
 
 
+@pytest.mark.serial
+@pytest.mark.parametrize("d", [2, 3])
+def test_few_pieces_are_bisected_at_a_bend(d):
+    """What is unknown lies in a few pieces; what is left adds up to what is allowed."""
+    sizes = []
+
+    def bend(of, at, x):
+        sizes.append(len(of))
+        return np.maximum(x[..., :1] - 0.2137, 0.0) ** 2
+
+    share = 1e-4
+    found = integrate(MPI.COMM_SELF, bend, *simplex(d), cell_pieces(d), share=share)
+    true = (1 - 0.2137) ** (d + 2) / (0, 0, 12, 60)[d]
+    assert found.resolved.all()
+    assert abs(found.value.sum() - true) <= found.bound.sum() <= share * true
+    # 47 and 1222 pieces where each leaves as much as another.
+    assert sum(sizes) <= (0, 0, 45, 1000)[d]
+
+
 def test_zero_and_noise_end():
     """What is zero is known, and a floor ends the bisection of noise."""
     rng = np.random.default_rng(0)
