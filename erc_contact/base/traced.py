@@ -63,7 +63,7 @@ def with_counted_conditions(value: Any) -> Any:
 
 
 class _CountedConditions(MultiFunction):
-    """Rebuild UFL with conditions that are numbers where an operator asks for numbers."""
+    """Rebuild UFL with conditions that are numbers where operators ask for numbers."""
 
     def terminal(self, terminal: Ufl) -> Ufl:
         """Return numbers, coordinates and functions as they are."""

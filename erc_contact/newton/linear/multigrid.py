@@ -140,7 +140,7 @@ class Multigrid(ElasticEquations):
 
     @property
     def at_contacts(self) -> np.ndarray:
-        """Tell which degrees of freedom of this rank are at contacts, shape (owned,)."""
+        """Tell which components of this rank are at contacts, shape (owned,)."""
         return self._stiffness_of_glue > 0
 
     @property
