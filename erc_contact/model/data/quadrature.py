@@ -73,7 +73,7 @@ EQUAL = 0.999
 CHUNK_PIECES = 1024
 """Number of pieces that are worked on at once. Their arrays stay in the cache."""
 
-LEFT_IN_A_ROUND = 0.5
+LEFT_IN_A_ROUND = 0.1
 """Share of what is still allowed that the pieces of a round may leave [-].
 
 What they do not leave is for the pieces of later rounds.
