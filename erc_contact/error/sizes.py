@@ -104,8 +104,10 @@ def is_out_of_reach(error: ConstitutiveError, accuracy: float, max_cells: int) -
 
     Rates that a coarse mesh shows may be too small. Where the error has to fall by
     orders, they predict a thousand times the cells: 18 million, and not 17 000, for
-    0.025% of two cylinders with an error of 23%. So the cells must be too many with the
-    best rate, too.
+    0.025% of two cylinders with an error of 23%. So the optimal mesh with the best rate
+    k everywhere must have too many cells, too:
+
+        N* = (sum_E eps_E^(2 d / (2 k + d)))^((2 k + d) / (2 k)) accuracy^(-d / k).
 
     Args:
         error: The error of the last mesh.
@@ -114,8 +116,10 @@ def is_out_of_reach(error: ConstitutiveError, accuracy: float, max_cells: int) -
     """
     if error.total > PREDICTIVE_ERROR:
         return False
-    fall = error.total / accuracy
-    with_best_rate = error.domain.cells * fall ** (error.domain.dim / error.degree)
+    d, k = error.domain.dim, error.degree
+    total = (error.total_indicators ** (2 * d / (2 * k + d))).sum()
+    total = error.domain.comm.allreduce(float(total))
+    with_best_rate = total ** (1 + d / (2 * k)) / accuracy ** (d / k)
     if with_best_rate <= DOUBT * max_cells:
         return False
     return size_map(error, accuracy).predicted_cells > DOUBT * max_cells
