@@ -281,17 +281,18 @@ def test_a_fit_alone_is_solved_in_any_units(length):
     """No load and no support that moves tells how large forces are."""
 
     def pressure(unit: float) -> float:
-        lower = ec.rectangle((0.0, 0.0), (unit, unit), cells=(4, 4))
-        upper = ec.rectangle((0.0, unit), (0.7 * unit, 2 * unit), cells=(4, 4))
+        cells = (2, 2, 2)
+        lower = ec.box((0.0, 0.0, 0.0), (unit, unit, unit), cells=cells)
+        upper = ec.box((0.0, 0.0, unit), (0.7 * unit, unit, 2 * unit), cells=cells)
         joined = ec.assembly({"lower": lower, "upper": upper})
         joined = joined.joined("upper bottom", "lower top")
-        ends = [ec.Displacement(part, (0.0, 0.0)) for part in ("lower bottom", "upper top")]
+        ends = [ec.Displacement(part, (0.0,) * 3) for part in ("lower bottom", "upper top")]
         fit = ec.Contact(
             "upper bottom", against="lower top", gap=lambda x: 0.01 * (x[0] - 0.3 * unit)
         )
         scene = ec.Scene(ec.Elastic(1.0, 0.3), ends, [], [fit])
         solution = ec.solve(scene, joined, solver="direct")
-        return float(solution.force("upper bottom").force[1] / unit)
+        return float(solution.force("upper bottom").force[2] / unit**2)
 
     assert pressure(length) == pytest.approx(pressure(1.0), rel=1e-9)
 
