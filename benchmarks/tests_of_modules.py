@@ -25,9 +25,9 @@ TESTS = sorted((ROOT / "tests").rglob("test_*.py"))
 
 @cache
 def public_names(package: str) -> dict[str, str]:
-    """Return the names that a package takes from modules, and these modules."""
+    """Return the names that a package takes from modules, at once or when asked for."""
     found = {}
-    for node in ast.parse(MODULES[package].read_text()).body:
+    for node in ast.walk(ast.parse(MODULES[package].read_text())):
         if isinstance(node, ast.ImportFrom) and node.module in MODULES:
             for alias in node.names:
                 found[alias.asname or alias.name] = node.module
