@@ -17,7 +17,7 @@ from erc_contact.error.goals.bolt_perturbations import bolt_perturbation, checke
 from erc_contact.error.goals.constants import LEAST_ERROR
 from erc_contact.error.goals.force_perturbations import moment, resultant
 from erc_contact.error.goals.given_bounds import contacts_with_given_bounds
-from erc_contact.error.goals.intensity_perturbation import checked_material, stress_intensity
+from erc_contact.error.goals.intensity_perturbation import checked_crack, stress_intensity
 from erc_contact.error.goals.jump_perturbations import jump_perturbation
 from erc_contact.error.goals.motion_perturbations import functional, mean_displacement, rotation
 from erc_contact.error.goals.perturbation import BaseScene, Perturbation
@@ -88,7 +88,7 @@ def check_goal(scene: Scene, domain: Domain, degree: int, goal: Goal) -> None:
     vector = _check(model, goal)
     match goal:
         case StressIntensity():
-            checked_material(model, goal)
+            checked_crack(model, goal)
         case BoltForce() | Shortening():
             checked_preload(scene, goal)
         case _:
