@@ -12,15 +12,15 @@ Tresca friction, of degree 1 or 2, by both methods. Of the kind
     sections     the top is a section that stays plane, by a force or a motion, and a
                  moment or a rotation
 
-A reference is finer by three uniform refinements (in 3D two), of degree 2. Told are
+A reference is finer by two uniform refinements (in 3D one), of degree 2. Told are
 
     violations   ends of the interval of the energy on the wrong side of the interval of
                  the reference: none is allowed
     index        e over ``sqrt(2 (J(u^) - J(u)))``, at least 1
-    law          the law part of e^2 by ``own_energies.py`` over the part by the package,
-                 less 1
-    resultants   force and moment of sigma^ on each part, by quadrature, over what is
-                 given for it, or of all parts, over the greatest one
+    law          e^2 with its law part by ``own_energies.py`` over e^2, less 1: where
+                 data vary, e^2 may have a thousandth more that integrals leave unknown
+    resultants   what is missing in the force and the moment of sigma^ on the boundary,
+                 and on a part for which they are given, over the sum of all forces
 
     OMP_NUM_THREADS=1 python benchmarks/families.py [kind|all] [seed] [count]
 """
@@ -39,7 +39,7 @@ from attack_families import scene_generator  # isort: skip
 from attack_tables import quantile_table  # isort: skip
 from pair_evaluation import areas, gathered, gauss, on_sides  # isort: skip
 from own_energies import PLANE, RINGS, SPACE, Field, Yielding, compliance_of, law_part, linear  # isort: skip
-from potentials import HYPOTHESES, LEVELS, ROUND_OFF, SETTLED, YIELD  # isort: skip
+from potentials import HYPOTHESES, ROUND_OFF, SETTLED, YIELD  # isort: skip
 from potentials import Body, certified, random_body, random_curve, random_loads  # isort: skip
 from tasks import run, tell  # isort: skip
 
@@ -49,10 +49,16 @@ QUANTILES = (0.0, 0.1, 0.5, 0.9, 1.0)
 """Quantiles of the table."""
 SLOPE = 0.05
 """Least slope of linear hardening [-]."""
+LEVELS = {PLANE: 2, RINGS: 2, SPACE: 1}
+"""Refinements to the reference."""
 OWN = 1e-4
-"""Difference of the law part that is told [-]."""
+"""Law part of this file beyond the part of the package that is told [-]."""
+LEFT = 2e-3
+"""Law part of the package beyond the part of this file that is told [-]."""
 BALANCED = 1e-8
 """Missing resultant that is told [-]."""
+LEAST_FORCE = 1e-6 * YIELD
+"""Sum of forces below which they are round-off: the body does not touch [force]."""
 
 
 def cold(x: np.ndarray) -> Any:
@@ -203,7 +209,8 @@ def remote(rng: np.random.Generator) -> Sample:
 
 def sections(rng: np.random.Generator) -> Sample:
     """Make a body between rollers under a section that stays plane."""
-    body = random_body(rng, random_elastic)
+    # Nitsche's method refuses a cell between a contact and a section that moves.
+    body = replace(random_body(rng, random_elastic), method=ec.AugmentedLagrangian())
     scene = random_loads(rng, body)
     (held,) = scene.supports
     top, along = held.facets, [None] * (body.domain.dim - 1)
@@ -220,9 +227,8 @@ def sections(rng: np.random.Generator) -> Sample:
     else:
         section = ec.PlaneSection(top, (*along, sink), turn, about=at)
         given = None
-    rollers = [ec.Symmetry(part) for part in parts_of_rollers(body)]
     own = own_law(body.law, body.kind)
-    scene = replace(scene, supports=[section], contacts=[*scene.contacts, *rollers], loads=[])
+    scene = replace(scene, supports=[*rollers(body), section], loads=[])
     return Sample(body, scene, lambda above: own, given=given)
 
 
@@ -231,11 +237,14 @@ def numbers(value: Any) -> np.ndarray:
     return np.atleast_1d(np.array(value, dtype=float))
 
 
-def parts_of_rollers(body: Body) -> list[str]:
-    """Return the parts whose rollers hold a body that slides on its contact."""
+def rollers(body: Body) -> list[ec.Displacement]:
+    """Return rollers that hold a body on its contact."""
     if body.is_double:
-        return ["upper left", "lower left"]
-    return {RINGS: [], PLANE: ["left"], SPACE: ["left", "front"]}[body.kind]
+        return [ec.Displacement(f"{name} left", (0.0, None)) for name in ("upper", "lower")]
+    if body.kind == SPACE:
+        aside = ec.Displacement("front", (None, 0.0, None))
+        return [ec.Displacement("left", (0.0, None, None)), aside]
+    return [ec.Displacement("left", (0.0, None))] if body.kind == PLANE else []
 
 
 # -- what is measured
@@ -273,7 +282,8 @@ def measured(sample: Sample) -> Row:
         parts = contact_parts(error.model.space, error.admissible.displacement, traction)
         of_contacts += float(parts.sum())
     own = law_part(error, body.kind, sample.law_of, sample.heat)
-    law = (own + of_contacts) / error.absolute**2 - 1
+    is_known = error.relative > ROUND_OFF
+    law = (own + of_contacts) / error.absolute**2 - 1 if is_known else np.nan
     return Row(violations, index, law, own_imbalance(error, sample.given), error.relative)
 
 
@@ -307,7 +317,8 @@ def own_imbalance(error: ec.ConstitutiveError, given: Given | None) -> float:
         facets = it.parts[given.part]
         of_part = [tuple(key) in facets for key in keys.tolist()]
         worst = max(worst, missing(np.array(of_part), given.force, given.moment, given.about))
-    return worst / float(abs(forces[outer]).sum(axis=(0, 1)).max())
+    whole = float(abs(forces[outer]).sum(axis=(0, 1)).max())
+    return worst / max(whole, LEAST_FORCE)
 
 
 def moments_of(arms: np.ndarray, forces: np.ndarray) -> np.ndarray:
@@ -328,12 +339,13 @@ def study(make: Callable[[np.random.Generator], Sample], seed: int = 0, count: i
             tell(f"{number}: {sample.body.name}: {type(reason).__name__}: {reason}")
             continue
         rows.append(row)
-        if row.violations or row.law > OWN or row.resultants > BALANCED:
+        is_other = row.law > OWN or row.law < -LEFT
+        if row.violations or is_other or row.resultants > BALANCED:
             tell(f"{number}: {sample.body.name}: {row}")
     tell(f"{len(rows)} of {count} solved, {sum(row.violations for row in rows)} violations")
     columns = {
         "index": [row.index for row in rows if np.isfinite(row.index)],
-        "law": [row.law for row in rows],
+        "law": [row.law for row in rows if np.isfinite(row.law)],
         "resultants": [row.resultants for row in rows],
         "eps": [row.eps for row in rows],
     }

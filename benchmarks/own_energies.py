@@ -20,7 +20,7 @@ import erc_contact as ec
 import numpy as np  # isort: skip - after erc_contact, which loads MPI first
 from pair_evaluation import EDGES, tensors, values  # isort: skip
 
-COUNT = 8
+COUNT = 6
 """Gauss points along each axis of a piece of a cell."""
 BISECTIONS = 60
 """Bisections of an interval for a root."""
@@ -156,7 +156,7 @@ def compliance_of(E: Any, nu: Any, G: Any, axes: Any) -> np.ndarray:
 
 
 def linear(S: np.ndarray, kind: str, *, in_plane_stress: bool) -> Law:
-    """Return the law of a compliance, with plane stress or plane strain in the plane."""
+    """Return the law of a compliance; plane strain stands beside plane stress."""
     basis = mandel_basis(COMPONENTS[SPACE])
     whole = np.einsum("mij,ijkl,nkl->mn", basis, S, basis)
     places = [COMPONENTS[SPACE].index(pair) for pair in COMPONENTS[kind]]
@@ -232,7 +232,7 @@ class Yielding:
         return np.asarray(of_curve + self.kinematic * a**2 / 2)
 
     def root(self, rise: Callable[[np.ndarray], np.ndarray], most: np.ndarray) -> np.ndarray:
-        """Return where a rising function is zero between 0 and most, 0 if it is above."""
+        """Return the root of a rising function from 0 to most, 0 if it is above."""
         low, high = np.zeros_like(most), most
         for _ in range(BISECTIONS):
             middle = (low + high) / 2

@@ -10,11 +10,11 @@ equilibrium and leaves the faces free, and of v that it jumps across the crack a
 not that one belongs to the other. So T gets the stress function ``c eta A``: c is zero
 in the horn, and one where ``|y| > 3 W`` and beside the straight piece, so that T is
 zero where the crack is. And v is ``eta u-`` with the angle theta continued from each
-side to the crack. In G
+side to the crack. With ``B = eta A``, in G
 
-    c T' - (1 - c) eta sigma(u-) + cof(2 sym(grad c (x) grad B) + B grad grad c),
+    c T' - (1 - c) eta sigma(u-) + cof(2 sym(grad c (x) grad B) + B grad grad c)
 
-with ``B = eta A``, takes the place of T'. A is of the second order in y, as the faces are free on the line,
+takes the place of T'. A is of the second order in y, as the faces are free on the line,
 so that G stays finite where the horn begins.
 
 Source: the stress function with cut-offs, ours.

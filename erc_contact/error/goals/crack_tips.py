@@ -132,13 +132,13 @@ def tip_of(space: Space, goal: StressIntensity) -> Tip:
 
 
 def boundary_ends(space: Space) -> np.ndarray:
-    """Return the ends of the facets of the boundary of this rank [length], (n, 2, 2)."""
+    """Return the ends of facets of the boundary of this rank [length], (n, 2, 2)."""
     facets = dmesh.exterior_facet_indices(space.mesh.topology)
     return space.facet_corners(np.column_stack(boundary_sides(space.mesh, facets)))
 
 
 def _direction(space: Space, goal: StressIntensity) -> np.ndarray:
-    """Return the direction of the facets at a tip, or the given direction; collective.
+    """Return the direction of the facets at a tip, or what is given; collective.
 
     It is theirs if it is nearly the given direction: along a curve the last facet has a
     direction of its own on each mesh.
