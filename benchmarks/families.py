@@ -51,10 +51,10 @@ SLOPE = 0.05
 """Least slope of linear hardening [-]."""
 LEVELS = {PLANE: 2, RINGS: 2, SPACE: 1}
 """Refinements to the reference."""
-OWN = 1e-4
-"""Law part of this file beyond the part of the package that is told [-]."""
+OWN = 2e-3
+"""e^2 of this file beyond e^2 of the package that is told: kinks of the law [-]."""
 LEFT = 2e-3
-"""Law part of the package beyond the part of this file that is told [-]."""
+"""Likewise the other way round."""
 BALANCED = 1e-8
 """Missing resultant that is told [-]."""
 LEAST_FORCE = 1e-6 * YIELD

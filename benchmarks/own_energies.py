@@ -20,8 +20,8 @@ import erc_contact as ec
 import numpy as np  # isort: skip - after erc_contact, which loads MPI first
 from pair_evaluation import EDGES, tensors, values  # isort: skip
 
-COUNT = 6
-"""Gauss points along each axis of a piece of a cell."""
+COUNTS = {2: 16, 3: 8}
+"""Gauss points along each axis of a piece of a cell, by dimension."""
 BISECTIONS = 60
 """Bisections of an interval for a root."""
 FAR = 1e3
@@ -89,10 +89,11 @@ def law_part(error: ec.ConstitutiveError, kind: str, law_of: Any, heat: Field) -
 
 def points_of_simplex(d: int) -> tuple[np.ndarray, np.ndarray]:
     """Return barycentric points (q, d+1) and weights of a simplex of volume 1/d!."""
-    line, of_line = np.polynomial.legendre.leggauss(COUNT)
+    count = COUNTS[d]
+    line, of_line = np.polynomial.legendre.leggauss(count)
     line, of_line = (line + 1) / 2, of_line / 2
     places, weights = [], []
-    for index in product(range(COUNT), repeat=d):
+    for index in product(range(count), repeat=d):
         rest, weight = 1.0, 1.0
         place = []
         for i in index:

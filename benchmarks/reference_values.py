@@ -88,6 +88,8 @@ CASES: dict[str, Callable[[], Result]] = {
         edges.ball_under_a_force,
         edges.balls_between_pads,
         cracks.penny_crack,
+        cracks.crack_in_a_tube,
+        cracks.crack_along_an_arc,
         laws.yielding_tube,
         laws.heated_tube,
         laws.orthotropic_tube,

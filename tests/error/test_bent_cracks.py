@@ -52,6 +52,16 @@ def test_the_horn_holds_the_crack(number):
 
 
 @pytest.mark.serial
+def test_sides_of_large_cells():
+    """They reach beyond the radius, where the crack goes on, and stand on the crack."""
+    line = CrackLine(np.array([[-0.1, 0.0], [-0.5, -0.2], [-0.9, -0.6]]), radius=1.0)
+    above = [[-0.5, -0.2], [-0.9, -0.6], [-2.0, -1.5]], [[-0.1, 0.0], [-0.5, -0.2], [-3.0, -1.0]]
+    below = [[-0.5, -0.2], [-0.9, -0.6], [-1.0, -1.0]], [[-0.1, 0.0], [0.0, 0.0], [1.0, -5.0]]
+    assert (line.sides(np.array(above)) == 1.0).all()
+    assert (line.sides(np.array(below)) == -1.0).all()
+
+
+@pytest.mark.serial
 def test_how_far_a_line_is_followed():
     places = np.array([[-0.1, 0.0], [-0.3, 0.1], [-0.4, 0.0], [-0.6, 0.2]])
     facets = np.stack([places[:-1], places[1:]], axis=1)

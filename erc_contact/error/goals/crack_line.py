@@ -23,6 +23,9 @@ STEEPEST = 2.0
 MARGIN = 1.5
 """Width of the horn over the distance of the crack from the straight line [-]."""
 
+NEAR = 1e-3
+"""Way from a vertex to the middle of its cell to a point beside the vertex [-]."""
+
 
 @dataclass(frozen=True, eq=False)
 class CrackLine:
@@ -74,9 +77,14 @@ class CrackLine:
             corners: Vertices of the cells [length], shape (n, 3, 2).
         """
         line = np.vstack([[0.0, 0.0], self.places])
-        x, y = corners[..., 0], corners[..., 1]
+        middles = corners.mean(axis=1, keepdims=True)
+        # A vertex may be on the crack, or beyond the end of what is known of it.
+        inside = np.concatenate([middles, corners + NEAR * (middles - corners)], axis=1)
+        x, y = inside[..., 0], inside[..., 1]
         above = np.where(x < 0.0, y - np.interp(-x, -line[:, 0], line[:, 1]), 0.0)
-        return np.where(above.sum(axis=1) < 0.0, -1.0, 1.0)
+        votes = (np.sign(above) * (x >= line[-1, 0])).sum(axis=1)
+        votes = np.where(votes == 0.0, above.sum(axis=1), votes)
+        return np.where(votes < 0.0, -1.0, 1.0)
 
 
 def crack_line(space: Space, tip: Tip) -> CrackLine:
