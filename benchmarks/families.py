@@ -38,7 +38,18 @@ import numpy as np  # isort: skip - after erc_contact, which loads MPI first
 from attack_families import scene_generator  # isort: skip
 from attack_tables import quantile_table  # isort: skip
 from pair_evaluation import areas, gathered, gauss, on_sides  # isort: skip
-from own_energies import PLANE, RINGS, SPACE, Field, Yielding, compliance_of, law_part, linear  # isort: skip
+from own_energies import (
+    PAIRS,
+    PLANE,
+    RINGS,
+    SPACE,
+    Field,
+    Yielding,
+    compliance_of,
+    law_part,
+    linear,
+)  # isort: skip
+
 from potentials import HYPOTHESES, ROUND_OFF, SETTLED, YIELD  # isort: skip
 from potentials import Body, certified, random_body, random_curve, random_loads  # isort: skip
 from tasks import run, tell  # isort: skip
@@ -120,11 +131,11 @@ def random_orthotropic(rng: np.random.Generator, kind: str) -> tuple[Any, str]:
         hypothesis = "plane stress"
     # With shares below 1/2 the matrix of normal stresses is diagonally dominant.
     shares = rng.uniform(-0.3, 0.49, 3)
-    nu = [shares[n] * roots[i] / roots[j] for n, (i, j) in enumerate(((0, 1), (0, 2), (1, 2)))]
+    nu: Any = tuple(float(shares[n] * roots[i] / roots[j]) for n, (i, j) in enumerate(PAIRS))
     shear = 10 ** rng.uniform(-1.5, 0.0, 3) / 2
     law = ec.OrthotropicElastic(
         tuple(moduli.tolist()),
-        tuple(map(float, nu)),
+        nu,
         tuple(shear.tolist()),
         random_axes(rng, kind).tolist(),
         hypothesis,
@@ -152,11 +163,11 @@ def random_plastic(rng: np.random.Generator, kind: str) -> tuple[Any, str]:
 def own_law(law: Any, kind: str) -> Any:
     """Return a linear law as this benchmark knows it."""
     in_plane_stress = law.hypothesis == "plane stress"
-    if isinstance(law, ec.Elastic):
+    if isinstance(law, ec.OrthotropicElastic):
+        S = compliance_of(law.E, law.nu, law.G, law.axes)
+    else:
         shear = law.E / (2 * (1 + law.nu))
         S = compliance_of((law.E,) * 3, (law.nu,) * 3, (shear,) * 3, np.eye(3))
-    else:
-        S = compliance_of(law.E, law.nu, law.G, law.axes)
     return linear(S, kind, in_plane_stress=in_plane_stress)
 
 
@@ -197,11 +208,12 @@ def remote(rng: np.random.Generator) -> Sample:
     if body.kind == RINGS:
         force[0] = 0.0
         given = Given(part, force)
-        load = ec.RemoteForce(part, force)
+        load = ec.RemoteForce(part, force.tolist())
     else:
         moment = 0.5 * YIELD * rng.normal(size=1 if d == 2 else 3)
-        given = Given(part, force, moment, 3.0 * rng.normal(size=d))
-        load = ec.RemoteForce(part, force, moment=moment, at=given.about)
+        at = 3.0 * rng.normal(size=d)
+        given = Given(part, force, moment, at)
+        load = ec.RemoteForce(part, force.tolist(), moment=moment.tolist(), at=at.tolist())
     scene = replace(random_loads(rng, body), loads=[load])
     own = own_law(body.law, body.kind)
     return Sample(body, scene, lambda above: own, given=given)
@@ -212,7 +224,7 @@ def sections(rng: np.random.Generator) -> Sample:
     # Nitsche's method refuses a cell between a contact and a section that moves.
     body = replace(random_body(rng, random_elastic), method=ec.AugmentedLagrangian())
     scene = random_loads(rng, body)
-    (held,) = scene.supports
+    held: Any = scene.supports[0]
     top, along = held.facets, [None] * (body.domain.dim - 1)
     sink = float(held.value[-1])
     slopes = float(rng.uniform(-0.2, 0.2)) * sink * np.array([1.0, 0.3])

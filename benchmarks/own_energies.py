@@ -202,7 +202,7 @@ class Yielding:
         kind: Kind of the mesh.
     """
 
-    def __init__(self, law: ec.Plastic, kind: str) -> None:
+    def __init__(self, law: Any, kind: str) -> None:
         self.G = law.E / (2 * (1 + law.nu))
         self.K = law.E / (3 * (1 - 2 * law.nu))
         self.kind = kind

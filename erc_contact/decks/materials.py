@@ -181,7 +181,7 @@ def thickened(material: MaterialCards, share: float) -> MaterialCards:
     elastic = [[E * share, *others] for E, *others in material.elastic]
     plastic = [[stress * share, *others] for stress, *others in material.plastic]
     density = None if material.density is None else material.density * share
-    law = material.orthotropic
+    law: Any = material.orthotropic
     if law is not None:
         E, G = (tuple(share * modulus for modulus in moduli) for moduli in (law.E, law.G))
         law = replace(law, E=E, G=G)

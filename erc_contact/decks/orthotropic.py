@@ -33,7 +33,7 @@ def read_orthotropic(reading: DeckReading, card: Card, material: MaterialCards) 
         return
     try:
         if card.get("TYPE").upper() in CONSTANTS:
-            E, nu, G = (tuple(numbers[i : i + 3]) for i in (0, 3, 6))
+            E, nu, G = (_three(numbers[i : i + 3]) for i in (0, 3, 6))
             material.orthotropic = OrthotropicElastic(E, nu, G)
         else:
             material.orthotropic = _of_stiffness(numbers)
@@ -47,7 +47,13 @@ def _of_stiffness(D: list[float]) -> OrthotropicElastic:
     S = np.linalg.inv(stiffness)
     E = 1 / np.diag(S)
     nu = [float(-S[i, j] * E[i]) for i, j in ((0, 1), (0, 2), (1, 2))]
-    return OrthotropicElastic(tuple(E.tolist()), tuple(nu), tuple(D[6:9]))
+    return OrthotropicElastic(_three(E.tolist()), _three(nu), _three(D[6:9]))
+
+
+def _three(values: list[float]) -> tuple[float, float, float]:
+    """Return three numbers as a tuple."""
+    first, second, third = values
+    return first, second, third
 
 
 def read_orientation(reading: DeckReading, card: Card, space: DeckSpace) -> None:
