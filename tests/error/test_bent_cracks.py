@@ -95,9 +95,9 @@ def test_beyond_a_bend():
 @pytest.mark.parametrize("mode", ["I", "II"])
 @pytest.mark.parametrize("hypothesis", ["plane strain", "plane stress"])
 def test_pulled_beyond_a_bend(hypothesis, mode):
-    ends = [ec.Traction("top", (0.3, 1.0)), ec.Traction("bottom", (-0.3, -1.0))]
-    sides = ec.Displacement("bottom", (0.0, 0.0))
-    scene = ec.Scene(ec.Elastic(1000.0, 0.3, hypothesis=hypothesis), sides, ends[0])
+    held = ec.Displacement("bottom", (0.0, 0.0))
+    pull = ec.Traction("top", (0.3, 1.0))
+    scene = ec.Scene(ec.Elastic(1000.0, 0.3, hypothesis=hypothesis), held, pull)
     found = factors(scene, (0.3, 0.5, 0.69), degree=2, mode=mode)
     assert all(bounds.guaranteed for bounds in found)
     assert max(bounds.low for bounds in found) < min(bounds.high for bounds in found)
