@@ -43,7 +43,7 @@ FAR = 0.02
 It is a share of the diagonal of the box around the curve or surface [-].
 """
 SAME_POINT = 1e-7
-"""Distance of two closest points on an arc that are the same one, over its radius [-]."""
+"""Distance of two closest points on an arc that are one, over its radius [-]."""
 
 
 class _OneModel:
@@ -355,7 +355,6 @@ def _normals(model: Any, tags: Mapping[int, int], x: np.ndarray, marks: np.ndarr
         unknown = np.full_like(normals, np.nan)
         result[selected] = np.divide(normals, length, out=unknown, where=length > 0)
     return result
-
 
 
 class _Arc:

@@ -15,6 +15,7 @@ from erc_contact.base.ufl_types import Ufl
 from erc_contact.base.views import view_of
 from erc_contact.model.contact.contact_values import friction_parameters
 from erc_contact.model.contact.foundation import ContactOnMesh
+from erc_contact.model.contact.periodic import mean_strain
 from erc_contact.model.contact.trace import split
 from erc_contact.model.contact_area import ContactArea
 from erc_contact.model.contact_force import ContactForce
@@ -230,6 +231,20 @@ class Solution:
         shift = self._preload(part).shortening
         assert shift is not None
         return float(shift)
+
+    def mean_strain(self, part: str) -> np.ndarray:
+        """Return the mean strain across periodic sides, given or found; collective.
+
+        It is ``E t/|t|`` of the translation t between the sides [-], shape (d,): of
+        sides across x the column (E_xx, E_xy) of E in the plane.
+
+        Args:
+            part: Name of either side.
+
+        Raises:
+            InputError: If no periodic sides have this part.
+        """
+        return mean_strain(self.model.space, self.scene.contacts, part)
 
     def bolt_force(self, part: str) -> float:
         """Return the force of a preload along its axis, in tension > 0; collective.
