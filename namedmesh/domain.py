@@ -523,7 +523,7 @@ class Domain(Bodies):
         """Mesh the true geometry again with other sizes, by gmsh on rank 0; collective.
 
         The names stay, and curved boundaries get new vertices. Where the sizes are
-        larger, the new mesh is coarser.
+        larger, the new mesh is coarser. Periodic sides are meshed alike.
 
         Args:
             sizes: Edge h of the simplices that are wanted [length]: one number, or a
@@ -537,7 +537,7 @@ class Domain(Bodies):
 
         Raises:
             InputError: If the geometry is not known, a size is not > 0 and finite, gmsh
-                fails, or the domain has periodic sides.
+                fails, or its curves or surfaces at periodic sides do not match.
         """
         nodes = len(self.mesh.geometry.x)
         h = together(self.comm, sizes_at_nodes, sizes, nodes)
@@ -547,13 +547,8 @@ class Domain(Bodies):
                 "marking (strategy=Mark()), or make it by rectangle, box, from_gmsh, or "
                 "read_mesh of a .geo file."
             )
-        if self.periodic:
-            raise InputError(
-                "A mesh that is made anew would not have matching facets at the periodic sides"
-                f" {' and '.join(self.periodic[0].names)}; refine the mesh by marking:"
-                " strategy=Mark(), or domain.refined(cells)."
-            )
         if self.glued is not None and self.interface_map is not None:
             return self.glued.remeshed(self.interface_map.least(h)).cut(self.interfaces)
-        labels = labels_of(self, self.curved_facets)
-        return self.geometry.meshed_by(self, size_field(self, h), labels)
+        labels = replace(labels_of(self, self.curved_facets), periodic=self.periodic)
+        new = self.geometry.meshed_by(self, size_field(self, h), labels)
+        return new.with_periodic(self.periodic)

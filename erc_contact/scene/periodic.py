@@ -120,8 +120,8 @@ class Periodic(PeriodicSides):
     stay free.
 
     The facets of both sides must match, as ``rectangle`` and ``box`` with ``cells=``
-    make them, and gmsh with ``setPeriodic``. Refinement keeps that; meshes that are
-    made anew are refused. Energies and e belong to one copy.
+    make them, and gmsh with ``setPeriodic``. Refinement keeps that, and gmsh meshes
+    both sides alike where a mesh is made anew. Energies and e belong to one copy.
 
     Args:
         facets: Name of a side.
@@ -282,8 +282,8 @@ class Cyclic(PeriodicSides):
     about the axis stay free, and in 3D translations along it.
 
     The facets of both sides must match, as gmsh makes them with ``setPeriodic``.
-    Refinement keeps that; meshes that are made anew are refused. Forces and energies
-    belong to one sector; :func:`erc_contact.results.whole_force` gives the forces on
+    Refinement keeps that, and gmsh meshes both sides alike where a mesh is made anew.
+    Forces and energies belong to one sector; :func:`erc_contact.results.whole_force` gives the forces on
     all sectors.
 
     Args:

@@ -1,6 +1,7 @@
 """Sides of copies: facets that face each other by a motion, on any ranks and when refined.
 
-Properties: each facet has a partner at its image, to round-off, after any refinement;
+Properties: each facet has a partner at its image, to round-off, after any refinement and
+on a mesh that is made anew;
 the mesh does not depend on the ranks, and patches are complete; what does not match is
 told on all ranks.
 """
@@ -110,7 +111,21 @@ def test_what_does_not_match_is_told():
         "do not match",
         "setPeriodic",
     )
-    periodic = periodic_brick((4, 2))
-    refused(lambda: periodic.remeshed(0.1), "left and right", "Mark()")
     # Parts that are named anew are no sides of copies until they are asked for again.
-    assert periodic.named({"left": nm.where(x=0.0)}).periodic == ()
+    by_rules = periodic_brick((4, 2)).named({"low": nm.where(x=0.0), "high": nm.where(x=2.0)})
+    assert by_rules.periodic == ()
+    by_rules = by_rules.with_periodic([nm.translated(by_rules, "low", "high")])
+    refused(lambda: by_rules.remeshed(0.1), "low and high", "Mark()")
+
+
+@pytest.mark.parametrize("cells", [(4, 3), (2, 2, 1)], ids=["2D", "3D"])
+def test_sides_are_meshed_alike(cells):
+    coarse = periodic_brick(cells)
+    sizes = 0.2 + 0.1 * np.linalg.norm(coarse.mesh.geometry.x - 0.3, axis=1)
+    domain = coarse.remeshed(sizes)
+    assert domain.cells > 2 * coarse.cells
+    assert patches_complete(domain.mesh)
+    for pair in domain.periodic:
+        assert misfit(domain, pair) < 1e-14 * domain.extent
+    assert len(domain.periodic) == len(cells)
+    assert misfit(domain.refined(), domain.periodic[0]) < 1e-14 * domain.extent
