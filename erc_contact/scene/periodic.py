@@ -283,8 +283,8 @@ class Cyclic(PeriodicSides):
 
     The facets of both sides must match, as gmsh makes them with ``setPeriodic``.
     Refinement keeps that, and gmsh meshes both sides alike where a mesh is made anew.
-    Forces and energies belong to one sector; :func:`erc_contact.results.whole_force` gives the forces on
-    all sectors.
+    Forces and energies belong to one sector;
+    :func:`erc_contact.results.whole_force` gives the forces on all sectors.
 
     Args:
         facets: Name of a side.

@@ -65,6 +65,20 @@ def pair_of(space: Space, contact: Contact) -> PeriodicPair | None:
     return next((pair for pair in space.domain.periodic if pair.names == contact.sides), None)
 
 
+def jump_of(space: Space, entry: Periodic) -> tuple[np.ndarray, np.ndarray]:
+    """Return the translation t of periodic sides and ``E t`` [length]; collective.
+
+    Args:
+        space: The mesh.
+        entry: What the scene declares, with what was found for a mean stress.
+    """
+    pair = pair_of(space, entry)
+    assert pair is not None
+    jump = entry.jump_of(pair, area_vector(space, entry.facets))
+    shift = np.array(pair.shift)
+    return shift, np.zeros(len(shift)) if jump is None else jump
+
+
 def mean_strain(space: Space, contacts: Sequence[Contact], part: str) -> np.ndarray:
     """Return ``E t/|t|`` of the translation t between periodic sides [-]; collective.
 
@@ -78,12 +92,8 @@ def mean_strain(space: Space, contacts: Sequence[Contact], part: str) -> np.ndar
     """
     periodic = [entry for entry in contacts if isinstance(entry, Periodic)]
     for entry in periodic:
-        pair = pair_of(space, entry)
-        if part in entry.sides and pair is not None:
-            jump = entry.jump_of(pair, area_vector(space, entry.facets))
-            t = np.array(pair.shift)
-            return 0.0 * t if jump is None else jump / np.linalg.norm(t)
-    sides = [name for entry in periodic for name in entry.sides]
-    raise InputError(
-        f"No Periodic has the part {part!r}; this scene has {known_names(part, sides)}"
-    )
+        if part in entry.sides:
+            shift, jump = jump_of(space, entry)
+            return np.asarray(jump / np.linalg.norm(shift))
+    known = known_names(part, [name for entry in periodic for name in entry.sides])
+    raise InputError(f"No Periodic has the part {part!r}; this scene has {known}")
