@@ -167,7 +167,7 @@ def slipping_sector() -> Result:
     turned = ec.Displacement("outer", (lambda x: -turn * x[1], lambda x: turn * x[0]))
     sides = ec.Cyclic("low", "cut", axis=(0.0, 0.0), sectors=12)
     contact = ec.Contact("rim", against="bore", gap=-0.03, friction=0.2)
-    scene = ec.Scene(ec.Elastic(STEEL, NU), [held, turned, sides], contacts=[contact])
+    scene = ec.Scene(ec.Elastic(STEEL, NU), [held, turned], contacts=[contact, sides])
 
     def mean(error: ec.ConstitutiveError) -> float:
         return error.contact_force("rim").mean_pressure.value
@@ -176,7 +176,7 @@ def slipping_sector() -> Result:
         return 1e-3 * float(ec.results.whole_force(error, "outer").moment[0])
 
     probes = {"mean pressure": mean, "torque of all sectors": torque}
-    meshes = Meshes(scene, _sector_of_fit(20.0, 40.0, 80.0), 3e-3, probes)
+    meshes = Meshes(scene, sector_of_fit(20.0, 40.0, 80.0), 3e-3, probes)
     # u_r = A r + B/r between its values 0 at one radius and d at 40.
     shear, bulk = STEEL / (2 * (1 + NU)), STEEL / (2 * (1 + NU) * (1 - 2 * NU))
     stiffness = []
@@ -205,7 +205,8 @@ def holes_in_a_square() -> Result:
     numbers = []
     for name, size in (("mean_strain", strain), ("mean_stress", stress)):
         given = ((size, 0.0), (0.0, size))
-        sides: list[Any] = [ec.Periodic(*names, **{name: given}) for names in pairs]
+        mean: dict[str, Any] = {name: given}
+        sides: list[Any] = [ec.Periodic(*names, **mean) for names in pairs]
         meshes = Meshes(ec.Scene(ec.Elastic(E, NU), sides), perforated_cell(), 5e-3)
         numbers.append(meshes.energy(f"bulk modulus by a {name.replace('_', ' ')}", "force/area"))
     by_strain, of_stress = numbers
@@ -243,7 +244,7 @@ def spinning_blades() -> Result:
     material = ec.Elastic(STEEL, NU)
     whole = Meshes(ec.Scene(material, loads=[force]), bladed(8, 8), 1.5e-2)
     every = whole.energy("energy", "N", -1.0)
-    meshes = Meshes(ec.Scene(material, [sides], [force]), bladed(1, 8), 1e-2)
+    meshes = Meshes(ec.Scene(material, loads=[force], contacts=[sides]), bladed(1, 8), 1e-2)
     energy = meshes.energy("strain energy of all sectors", "N", -8.0)
     rounding = 0.5 * (every.high - every.low)
     return meshes.result(says(energy, Other("the whole disc", every.value, rounding=rounding)))
@@ -296,7 +297,7 @@ def _name_sides(sides: dict[str, float], angle: float) -> None:
     gmsh.model.mesh.setPeriodic(1, cut, low, turn.ravel())
 
 
-def _sector_of_fit(inner: float, fit: float, outer: float) -> ec.Domain:
+def sector_of_fit(inner: float, fit: float, outer: float) -> ec.Domain:
     """Mesh a twelfth of a shaft in a hub, and split them."""
     occ = opened(6.0)
     angle = pi / 6

@@ -23,7 +23,7 @@ from namedmesh.bodies import Bodies, Geometry
 from namedmesh.copies import is_pinched, number_nodes, same_ranks, stay_closed
 from namedmesh.files.of_dolfinx import has_other_cells, simplicial
 from namedmesh.interface_map import Interface
-from namedmesh.joining import joint
+from namedmesh.joining import alike, joint
 from namedmesh.naming import NamedShape, Rules, name_parts, name_regions, part_measures
 from namedmesh.parts_table import Parts, parts_of
 from namedmesh.periodic import PeriodicPair, across, linked_edges
@@ -470,6 +470,36 @@ class Domain(Bodies):
             )
         whole = replace(whole, periodic=tuple(pairs))
         return whole.cut(self.interfaces) if self.interfaces else whole
+
+    def matched(self, pairs: Sequence[PeriodicPair]) -> Domain:
+        """Give the sides of pairs facets that match, on rank 0; collective.
+
+        Two copies of the body are joined as :meth:`joined` joins two bodies: in the
+        plane both sides are cut at the vertices of both, and in 3D they get common
+        facets where they are plane, with the regions behind them meshed anew.
+
+        Args:
+            pairs: The pairs of sides.
+
+        Returns:
+            The domain with these pairs.
+
+        Raises:
+            InputError: If sides of a pair do not lie on each other as copies, or bodies
+                were joined that are apart.
+
+        Example:
+            >>> alike = block.matched([nm.translated(block, "left", "right")])
+            >>> alike.pairs
+            ()
+        """
+        whole = self.whole
+        tables = spread(self.comm, alike.with_matching_sides(whole, tuple(pairs)))
+        if not whole.regions:
+            tables["cell_tags"] = None
+        result = replace(whole, **tables, periodic=())
+        result = result.with_periodic(pairs)
+        return result.cut(self.interfaces) if self.interfaces else result
 
     def refined(self, marked: np.ndarray | None = None) -> Domain:
         """Refine by bisection of longest edges (DOLFINx), conforming; collective.

@@ -31,6 +31,7 @@ from dolfinx import fem
 
 from erc_contact.base.exceptions import raise_together, together
 from erc_contact.base.sparse import Places
+from erc_contact.model.contact.contact_values import gap_at_nodes
 from erc_contact.model.model import Model
 from erc_contact.newton.assembly import Assembly
 from erc_contact.newton.contact_nodes import contact_normals
@@ -101,13 +102,13 @@ class Condensed:
 
         # Gathering is collective; the dense algebra is done on rank 0 alone.
         self.u_0 = stiffness.gather(u_0)
-        slip = _slip_before(model)
+        given = _given_jump(model)
         largest_u = float(abs(u_0.x.array).max(initial=0.0))
-        largest_slip = float(abs(slip.x.array).max(initial=0.0))
-        self.length = max(model.space.comm.allgather(max(largest_u, largest_slip))) or 1.0
-        slip_A = stiffness.gather(slip)[: self.size]
+        largest_jump = float(abs(given.x.array).max(initial=0.0))
+        self.length = max(model.space.comm.allgather(max(largest_u, largest_jump))) or 1.0
+        given_A = stiffness.gather(given)[: self.size]
         glue_forces = stiffness.gather(stiffness.glue.times(u_0))[: self.size]
-        together(model.space.comm, self._condense, slip_A, glue_forces)
+        together(model.space.comm, self._condense, given_A, glue_forces)
         self.normals = stiffness.gather(contact_normals(model))[: self.size]
 
         glued_A = self.u_0[: self.size]
@@ -257,7 +258,7 @@ class Condensed:
 
     # -- set up
 
-    def _condense(self, slip_A: np.ndarray, glue_forces: np.ndarray) -> None:
+    def _condense(self, given_A: np.ndarray, glue_forces: np.ndarray) -> None:
         """Make the dense matrices on rank 0."""
         if self.stiffness.schur is None:
             return
@@ -266,18 +267,22 @@ class Condensed:
         self.schur, _ = self.stiffness.reduce(a)
         self.matrix = self.stiffness.unglue(a)
         self.loads = self.matrix @ glued_A + glue_forces
-        forces = abs(self.matrix) @ np.maximum(abs(glued_A), abs(slip_A))
+        forces = abs(self.matrix) @ np.maximum(abs(glued_A), abs(given_A))
         self.force = float(forces.max()) or 1.0
 
 
-def _slip_before(model: Model) -> fem.Function:
-    """Return the slip of the contacts at the end of the last step [length].
+def _given_jump(model: Model) -> fem.Function:
+    """Return the jump of contacts whose sizes scale the problem [length].
 
-    It is the tangential displacement there, and zero without history.
+    It is the slip at the end of the last step, and of contacts that cannot open the
+    gap, too: a jump along the normal must not look large beside a slip of round-off.
     """
-    before = model.space.function()
+    given = model.space.function()
     for contact in model.contacts:
         trace = contact.trace
+        jump = trace.slip_before
+        if contact.bilateral:
+            jump = jump + gap_at_nodes(model.space, contact)[..., None] * trace.normals
         if trace.before is not None:
-            trace.assign(before.x.array, trace.slip_before)
-    return before
+            trace.assign(given.x.array, jump)
+    return given

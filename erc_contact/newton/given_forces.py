@@ -187,8 +187,10 @@ def solved_with_forces(
     shanks = stiffnesses(solution.model.space, sought)
     # A bolt may be slack, and a cell may be much softer than its sides.
     share = SLACK * _least_share(solution.model)
-    slack = np.array([0.0 if given.of_sides else share for given in sought]) * shanks
-    slopes = _first_slopes(forces, shifts, shanks, slack)
+    of_sides = np.array([given.of_sides for given in sought])
+    slack = np.where(of_sides, 0.0, share) * shanks
+    # The components of a force of sides are proportional to no shift of their own.
+    slopes = _first_slopes(forces, np.where(of_sides, 0.0, shifts), shanks, slack)
     for _ in range(SOLVES):
         log_of(solution.model.space.comm).debug("Given forces %s: shifts %s", forces, shifts)
         left = wanted - forces

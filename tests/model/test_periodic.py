@@ -355,6 +355,15 @@ def test_ranks_change_nothing_in_space():
     assert np.allclose(*numbers, rtol=1e-8)
 
 
+def test_a_shear_of_round_off_is_no_scale():
+    """Sides that are drawn apart along the normal, and along each other by round-off."""
+    strain = ((0.01, 1e-17), (1e-17, -0.004))
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), periodic(2, strain))
+    error = certified(scene, brick((2, 2)), AUGMENTED)
+    assert error.relative < 1e-9
+    assert_fits(error)
+
+
 def test_a_mean_strain_has_a_history():
     """Each step has its own jump, also where friction remembers."""
     strains = (0.002, 0.005)
