@@ -116,20 +116,16 @@ def with_shifts(scene: Scene, shifts: Mapping[str, float]) -> Scene:
             ties.append(tie)
     contacts = list(scene.contacts)
     for entry in stressed_sides(scene.contacts):
+        # Components that no mean stress gives are not read.
         names = [shift_name(entry, i) for i in range(len(entry.mean_stress or ()))]
-        if not shifts.keys().isdisjoint(names):
-            moved = entry.with_jump([shifts.get(name, 0.0) for name in names])
-            contacts[contacts.index(entry)] = moved
+        jump = [shifts.get(name, 0.0) for name in names]
+        contacts[contacts.index(entry)] = entry.with_jump(jump)
     return replace(scene, ties=ties, contacts=contacts)
 
 
 def without_shifts(scene: Scene) -> Scene:
     """Return a scene in which the shifts that are to be found are zero."""
-    unmoved = {preload.facets: 0.0 for preload in with_forces(scene)}
-    for entry in stressed_sides(scene.contacts):
-        if entry.found is None:
-            unmoved[shift_name(entry, 0)] = 0.0
-    return with_shifts(scene, unmoved)
+    return with_shifts(scene, {preload.facets: 0.0 for preload in with_forces(scene)})
 
 
 def sought_forces(scene: Scene, model: Model) -> list[GivenForce]:
@@ -138,8 +134,18 @@ def sought_forces(scene: Scene, model: Model) -> list[GivenForce]:
     Args:
         scene: The scene.
         model: The same bodies and contacts on a mesh.
+
+    Raises:
+        InputError: If there are none, because a mean stress acts on no side.
     """
-    return [given for given in given_forces(scene, model) if given.shift is None]
+    sought = [given for given in given_forces(scene, model) if given.shift is None]
+    if not sought:
+        names = [entry.facets for entry in stressed_sides(scene.contacts)]
+        raise InputError(
+            f"The mean stress of the sides at {names} has no component that acts on them; give the"
+            " components along their normal, or periodic sides across the stress."
+        )
+    return sought
 
 
 def solved_with_forces(

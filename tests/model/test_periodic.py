@@ -355,6 +355,15 @@ def test_ranks_change_nothing_in_space():
     assert np.allclose(*numbers, rtol=1e-8)
 
 
+def test_a_mean_stress_may_act_on_some_sides_alone():
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), stressed(2, [[0.01, None], [None, None]]))
+    error = certified(scene, brick((2, 2)), AUGMENTED)
+    uniaxial = (1 - 0.3) / ((1 + 0.3) * (1 - 2 * 0.3))
+    assert np.isclose(error.solution.mean_strain("left")[0], 0.01 / uniaxial, rtol=1e-8)
+    assert error.solution.mean_strain("top")[1] == 0.0
+    assert_fits(error)
+
+
 def test_a_shear_of_round_off_is_no_scale():
     """Sides that are drawn apart along the normal, and along each other by round-off."""
     strain = ((0.01, 1e-17), (1e-17, -0.004))
@@ -438,6 +447,12 @@ def test_what_cannot_be_is_told():
         (lambda: ec.Periodic("left", "right", mean_strain=((0.0, 0.1), (0.0, 0.0))), "symmetric"),
         (lambda: ec.Periodic("left", "right", mean_stress=((1.0, None), (0.0, 1.0))), "both sides"),
         (lambda: ec.Periodic("a", "b", np.eye(2).tolist(), np.eye(2).tolist()), "one of them"),
+        (
+            lambda: ec.solve(
+                ec.Scene(elastic, stressed(1, [[None, None], [None, 1.0]])), brick((2, 2))
+            ),
+            "acts on them",
+        ),
         (
             lambda: ec.solve(
                 ec.Scene(elastic, stressed(2, np.zeros((3, 3)).tolist())), brick((2, 2))
