@@ -291,34 +291,12 @@ def elastic_coefficients(
     the moduli or the given strains vary inside cells, values at the points of the
     sub-simplices.
     """
-    d, k = cells.d, cells.degree
-    points = macro_points(d, k).points
-    if model.space.axisymmetric:
-        return _coefficients_of_rings(model, cells, u, count)
-    stiffness = macro_moduli(model, cells, count)
-    strain = strains(cells, u)[:count]
-    given = None
-    if model.strains is not None:
-        given = given_strains(model, cells, points, count)
-    data_vary = stiffness.shape[1] > 1 or (given is not None and given.shape[1] > 1)
-    if k > 1 and data_vary:
-        strain = np.matmul(bernstein(d, k - 1, points), strain)
-    if given is not None:
-        strain = strain - given
-    return act(stiffness, strain)
-
-
-def _coefficients_of_rings(
-    model: Model, cells: CellGeometry, u: fem.Function, count: int
-) -> np.ndarray:
-    """Return :func:`elastic_coefficients` of an axisymmetric body."""
-    strain = CellStrains.of(model.space, cells, u)
+    if not model.constitution.varies_in_cells:
+        return _constant_law(model, cells, u, count)
     points = macro_points(cells.d, cells.degree).points
-    values = np.empty((count, len(points), strain.in_plane.shape[2] + 1))
-    for chunk in _chunks(count):
-        x = np.matmul(barycentric(points), cells.corners[chunk])
-        numbers = _numbers(count)[chunk]
-        values[chunk] = model.constitution.stress(strain.at_points(chunk, points, x), x, numbers)
+    values = np.empty((count, len(points), model.constitution.stiffness.size))
+    for chunk, _, of_chunk in _stress_in_chunks(model, cells, u, points, count):
+        values[chunk] = of_chunk
     return values
 
 
@@ -387,8 +365,13 @@ def moduli(
     matrix = law.metric if inverse else law.stiffness
     if matrix.plain is not None:
         return matrix.plain[None, None]
-    varying = matrix.varies_in_cells
-    return matrix(_places(cells, points, count, varying), _numbers(count))
+    if not matrix.varies_in_cells:
+        return matrix(_places(cells, points, count, False), _numbers(count))
+    values = np.empty((count, len(points), matrix.size, matrix.size))
+    for chunk in chunks_of_cells(count):
+        x = np.matmul(barycentric(points), cells.corners[chunk])
+        values[chunk] = matrix(x, _numbers(count)[chunk])
+    return values
 
 
 def _places(cells: CellGeometry, points: np.ndarray, count: int, varying: bool) -> np.ndarray:
@@ -437,25 +420,17 @@ def cell_stress(
             and which no load goes with.
     """
     d, k = cells.d, cells.degree
-    points, weights = rule(d, DATA_DEGREE)
     count = len(cells.nodes)
     if model.space.axisymmetric:
         return _stress_of_rings(model, cells, u, change)
-    stiffness = moduli(model, cells, points, count)
-    strain = strains(cells, u)
-    given = None
-    if model.strains is not None and not change:
-        given = given_strains(model, cells, points, count)
-    if stiffness.shape[1] == 1 and (given is None or given.shape[1] == 1):
-        # Constant moduli act on the coefficients; a constant has equal coefficients.
-        if given is not None:
-            strain = strain - given
-        return CellStress(tensors(act(stiffness, strain), d))
-    at_points = np.matmul(bernstein(d, k - 1, points), strain)
-    if given is not None:
-        at_points = at_points - given
-    values = act(stiffness, at_points)
-    return CellStress(tensors(np.matmul(projection(d, k - 1, points, weights), values), d))
+    if not model.constitution.varies_in_cells:
+        return CellStress(tensors(_constant_law(model, cells, u, count, change=change), d))
+    points, weights = rule(d, DATA_DEGREE)
+    project = projection(d, k - 1, points, weights)
+    projected = np.empty((count, len(project), d * (d + 1) // 2))
+    for chunk, _, values in _stress_in_chunks(model, cells, u, points, count, change=change):
+        np.matmul(project, values, out=projected[chunk])
+    return CellStress(tensors(projected, d))
 
 
 def _stress_of_rings(
@@ -466,25 +441,59 @@ def _stress_of_rings(
     points, weights = rule(d, DATA_DEGREE)
     to_hoop = weights[:, None] * bernstein(d, k, points)
     to_in_plane = projection(d, k - 1, points, weights)
-    strain = CellStrains.of(model.space, cells, u)
-    law = model.constitution
-    stress = law.stress_change if change else law.stress
     count = len(cells.nodes)
-    in_plane = np.empty_like(strain.in_plane)
+    in_plane = np.empty((count, len(to_in_plane), d * (d + 1) // 2))
     hoop = np.empty((count, to_hoop.shape[1]))
-    for chunk in _chunks(count):
-        x = np.matmul(barycentric(points), cells.corners[chunk])
+    for chunk, x, values in _stress_in_chunks(model, cells, u, points, count, change=change):
         numbers = _numbers(count)[chunk]
-        values = stress(strain.at_points(chunk, points, x), x, numbers)
-        if not change:
-            values = model.hoop_load.minus(values, x, numbers)
+        of_body = values if change else model.hoop_load.minus(values, x, numbers)
         # The hoop force is 2 pi sigma_tt, and the component is 2 pi r sigma_tt.
-        hoop[chunk] = (values[..., -1] / x[..., 0]) @ to_hoop
-        np.matmul(to_in_plane, values[..., :-1], out=in_plane[chunk])
+        hoop[chunk] = (of_body[..., -1] / x[..., 0]) @ to_hoop
+        np.matmul(to_in_plane, of_body[..., :-1], out=in_plane[chunk])
     return RingStress(tensors(in_plane, d), cells.volume[:, None] * hoop)
 
 
-def _chunks(count: int) -> Iterator[slice]:
+def _constant_law(
+    model: Model, cells: CellGeometry, u: fem.Function, count: int, *, change: bool = False
+) -> np.ndarray:
+    """Return coefficients of ``C (eps(u) - eps_0)`` where C and eps_0 are constant.
+
+    They are constant in each cell. C acts on the coefficients of the strain, and a
+    constant has equal coefficients. See :func:`cell_stress` for the arguments.
+    """
+    middle = nodes(cells.d, 0)
+    strain = strains(cells, u)[:count]
+    if model.strains is not None and not change:
+        strain = strain - given_strains(model, cells, middle, count)
+    return act(moduli(model, cells, middle, count), strain)
+
+
+def _stress_in_chunks(
+    model: Model,
+    cells: CellGeometry,
+    u: fem.Function,
+    points: np.ndarray,
+    count: int,
+    *,
+    change: bool = False,
+) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
+    """Evaluate ``C (eps(u) - eps_0)`` at reference points of some cells at a time.
+
+    See :func:`moduli` and :func:`cell_stress` for the arguments.
+
+    Yields:
+        The cells, the points in them [length], shape (n, q, d), and the stress
+        [force/area], shape (n, q, s).
+    """
+    law = model.constitution
+    stress = law.stress_change if change else law.stress
+    strain = CellStrains.of(model.space, cells, u)
+    for chunk in chunks_of_cells(count):
+        x = np.matmul(barycentric(points), cells.corners[chunk])
+        yield chunk, x, stress(strain.at_points(chunk, points, x), x, _numbers(count)[chunk])
+
+
+def chunks_of_cells(count: int) -> Iterator[slice]:
     """Return slices of some cells each, whose values stay in the cache."""
     for start in range(0, count, CHUNK):
         yield slice(start, min(start + CHUNK, count))

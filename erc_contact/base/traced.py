@@ -14,6 +14,9 @@ from typing import Any
 import numpy as np
 import ufl
 from numpy.lib.mixins import NDArrayOperatorsMixin
+from ufl.corealg.map_dag import map_expr_dag
+from ufl.corealg.multifunction import MultiFunction
+from ufl.corealg.traversal import unique_pre_traversal
 
 from erc_contact.base.ufl_types import Ufl
 
@@ -29,7 +32,7 @@ def field_of(function: Callable[[Any], Any], x: Ufl) -> Any:
         Exception: What the function raises with UFL, if it works with neither.
     """
     try:
-        return function(x)
+        return with_counted_conditions(function(x))
     except (TypeError, ValueError, AttributeError) as reason:
         coordinates = np.empty(x.ufl_shape[0], dtype=object)
         for i in range(len(coordinates)):
@@ -39,6 +42,43 @@ def field_of(function: Callable[[Any], Any], x: Ufl) -> Any:
         except Exception:
             # What it does with UFL tells more to those who know UFL.
             raise reason from None
+
+
+def with_counted_conditions(value: Any) -> Any:
+    """Replace conditions that stand where a number does by 1 where they hold, else 0.
+
+    So ``2.0 * (x[0] > 1.0)`` has in UFL the value that it has in numpy.
+
+    Args:
+        value: UFL, a number, or a list or tuple of these.
+    """
+    if isinstance(value, list | tuple):
+        return type(value)(with_counted_conditions(entry) for entry in value)
+    if not isinstance(value, ufl.core.expr.Expr):
+        return value
+    nodes = list(unique_pre_traversal(value))
+    if not any(isinstance(node, ufl.classes.Condition) for node in nodes):
+        return value
+    return _counted(map_expr_dag(_CountedConditions(), value))
+
+
+class _CountedConditions(MultiFunction):
+    """Rebuild UFL with conditions that are numbers where operators ask for numbers."""
+
+    def terminal(self, terminal: Ufl) -> Ufl:
+        """Return numbers, coordinates and functions as they are."""
+        return terminal
+
+    def expr(self, operator: Ufl, *operands: Ufl) -> Ufl:
+        """Return an operator of numbers."""
+        return self.reuse_if_untouched(operator, *map(_counted, operands))
+
+    def conditional(self, operator: Ufl, condition: Ufl, *values: Ufl) -> Ufl:
+        """Return a choice between numbers."""
+        return self.reuse_if_untouched(operator, condition, *map(_counted, values))
+
+    # And, Or and Not ask for conditions.
+    and_condition = or_condition = not_condition = MultiFunction.reuse_if_untouched
 
 
 class Traced(NDArrayOperatorsMixin):
@@ -103,11 +143,15 @@ def _in_ufl(value: Any) -> Any:
     return value
 
 
+def _counted(value: Ufl) -> Ufl:
+    """Return UFL; a condition is 1 where it holds, and 0 elsewhere."""
+    is_condition = isinstance(value, ufl.classes.Condition)
+    return ufl.conditional(value, 1.0, 0.0) if is_condition else value
+
+
 def _number(value: Any) -> Ufl:
-    """Return a scalar; a condition is 1 where it holds, and 0 elsewhere."""
-    if isinstance(value, ufl.classes.Condition):
-        return ufl.conditional(value, 1.0, 0.0)
-    return ufl.as_ufl(float(value) if isinstance(value, bool | np.bool) else value)
+    """Return a scalar, also of a condition."""
+    return _counted(ufl.as_ufl(float(value) if isinstance(value, bool | np.bool) else value))
 
 
 def _of_numbers(function: Callable[..., Ufl]) -> Callable[..., Ufl]:

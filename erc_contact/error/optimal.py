@@ -10,7 +10,7 @@ from math import ceil, log
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.error.sizes import DOUBT, PREDICTIVE_ERROR, size_map
+from erc_contact.error.sizes import is_out_of_reach, size_map
 from erc_contact.error.strategy import mark, refined
 from namedmesh import Domain
 from namedmesh.base import checks
@@ -70,19 +70,14 @@ class SizeMap:
             gain = 1 - 4.0**-error.degree
             fraction = min((1 - (aim / error.total) ** 2) / gain, 1.0)
             return refined(domain, mark(error, fraction), max_cells)
-        end = size_map(error, aim)
         fall = error.total / aim
         leaps = ceil(log(fall) / log(self.leap))
-        sizes = end
-        if leaps > 1:
-            sizes = size_map(error, error.total / fall ** (1 / leaps))
+        sizes = size_map(error, error.total / fall ** (1 / leaps))
         # The next mesh may predict fewer cells, so try smaller leaps first.
         while sizes.predicted_cells > max_cells and fall ** (1 / leaps) > CLOSE:
             leaps += 1
             sizes = size_map(error, error.total / fall ** (1 / leaps))
-        predictive = error.total <= PREDICTIVE_ERROR
-        hopeless = predictive and end.predicted_cells > DOUBT * max_cells
-        if sizes.predicted_cells > max_cells or hopeless:
+        if sizes.predicted_cells > max_cells or is_out_of_reach(error, aim, max_cells):
             # No number is told: one mesh alone may be wrong by a factor.
             raise InputError(
                 f"{percent(accuracy)} takes more cells than max_cells = {max_cells}, as far as "

@@ -71,8 +71,8 @@ class Condensed:
         matrix: K on rank 0 [force/length], shape (A, A).
         loads: b_A on rank 0 [force].
         normals: Normals of the foundation at the contact nodes of A, on rank 0 [-].
-        length: Largest component of the glued displacement and of that before the step,
-            over all ranks [length].
+        length: Largest component of the glued displacement, of the slip before the step
+            and of interferences, over all ranks [length].
         force: Size of the forces that cancel in the residual with these displacements,
             on rank 0 [force].
     """
@@ -102,13 +102,13 @@ class Condensed:
 
         # Gathering is collective; the dense algebra is done on rank 0 alone.
         self.u_0 = stiffness.gather(u_0)
-        given = _given_jump(model)
+        jumps = _given_jumps(model)
         largest_u = float(abs(u_0.x.array).max(initial=0.0))
-        largest_jump = float(abs(given.x.array).max(initial=0.0))
+        largest_jump = float(abs(jumps.x.array).max(initial=0.0))
         self.length = max(model.space.comm.allgather(max(largest_u, largest_jump))) or 1.0
-        given_A = stiffness.gather(given)[: self.size]
+        jumps_A = stiffness.gather(jumps)[: self.size]
         glue_forces = stiffness.gather(stiffness.glue.times(u_0))[: self.size]
-        together(model.space.comm, self._condense, given_A, glue_forces)
+        together(model.space.comm, self._condense, jumps_A, glue_forces)
         self.normals = stiffness.gather(contact_normals(model))[: self.size]
 
         glued_A = self.u_0[: self.size]
@@ -258,7 +258,7 @@ class Condensed:
 
     # -- set up
 
-    def _condense(self, given_A: np.ndarray, glue_forces: np.ndarray) -> None:
+    def _condense(self, jumps_A: np.ndarray, glue_forces: np.ndarray) -> None:
         """Make the dense matrices on rank 0."""
         if self.stiffness.schur is None:
             return
@@ -267,22 +267,24 @@ class Condensed:
         self.schur, _ = self.stiffness.reduce(a)
         self.matrix = self.stiffness.unglue(a)
         self.loads = self.matrix @ glued_A + glue_forces
-        forces = abs(self.matrix) @ np.maximum(abs(glued_A), abs(given_A))
+        forces = abs(self.matrix) @ np.maximum(abs(glued_A), abs(jumps_A))
         self.force = float(forces.max()) or 1.0
 
 
-def _given_jump(model: Model) -> fem.Function:
-    """Return the jump of contacts whose sizes scale the problem [length].
+def _given_jumps(model: Model) -> fem.Function:
+    """Return what the contacts do to bodies at rest [length].
 
-    It is the slip at the end of the last step, and of contacts that cannot open the
-    gap, too: a jump along the normal must not look large beside a slip of round-off.
+    It is their slip at the end of the last step, and their interference: a gap below
+    zero, and any gap of a bilateral contact. Bodies that supports move together have no
+    other deformation.
     """
     given = model.space.function()
     for contact in model.contacts:
         trace = contact.trace
-        jump = trace.slip_before
-        if contact.bilateral:
-            jump = jump + gap_at_nodes(model.space, contact)[..., None] * trace.normals
-        if trace.before is not None:
-            trace.assign(given.x.array, jump)
+        if trace.before is None and contact.gap is None:
+            continue
+        gap = gap_at_nodes(model.space, contact)
+        interference = gap if contact.bilateral else np.minimum(gap, 0.0)
+        jump = interference[..., None] * trace.normals + trace.slip_before
+        trace.assign(given.x.array, jump)
     return given

@@ -149,6 +149,13 @@ class CarriedBodies:
         u.x.array[:] += self._motion.x.array
         return u, (self.model.contacts, v)
 
+    def deformation(self, u: fem.Function) -> fem.Function:
+        """Return v = u - R [length], a new Function."""
+        v = u.copy()
+        if self._motion is not None:
+            v.x.array[:] -= self._motion.x.array
+        return v
+
     def take_from_contacts(self, jumps: fem.Function) -> None:
         """Take the motion from jumps at contact nodes of this side, in place."""
         if self._motion is None:

@@ -20,7 +20,7 @@ from erc_contact.newton.full import FullSpace
 from erc_contact.newton.interior_forms import InteriorForms
 from erc_contact.newton.ladder import Attempt
 from erc_contact.newton.linear.loose_multigrid import multigrid_of
-from erc_contact.newton.linear.multigrid import EXACT, Multigrid
+from erc_contact.newton.linear.multigrid import EXACT, ROUGH, Multigrid
 from erc_contact.newton.methods import Method
 from erc_contact.newton.snes import Attempted, DiscreteSolution, solve_in_turn
 from namedmesh.base.ranks import greatest
@@ -84,10 +84,13 @@ class Iterative:
         return self.guess
 
     def warm(self, old: Model, u: fem.Function) -> fem.Function:
-        """Return the state of a displacement u of a model on another mesh.
+        """Return the state of a displacement u of a model.
 
-        The glue draws the contact to it.
+        From another mesh the glue draws the contact to it. On the same mesh under the
+        same loads, where a law is linearised anew, u is nearer than glue would lead.
         """
+        if old is self.model:
+            return self._measured(self.carried.deformation(u))
         jumps = first_guess.from_mesh(old, u, self.model)
         self.carried.take_from_contacts(jumps)
         return self._sprung(jumps)
@@ -144,6 +147,21 @@ class Iterative:
         for problem in self._problems.values():
             problem.free()
         self._loads.destroy()
+
+    def _measured(self, v: fem.Function) -> fem.Function:
+        """Return a displacement [length], whose contact forces scale the problem."""
+        x = self.elastic.vector(v)
+        reactions = x.duplicate()
+        self.elastic.times(x, reactions)
+        reactions.axpy(-1.0, self._loads)
+        at_contacts = reactions.array_r[self.elastic.at_contacts]
+        comm = self.model.space.comm
+        self._length = greatest(comm, v.x.array) or 1.0
+        forces = float(np.sqrt(comm.allreduce(np.dot(at_contacts, at_contacts), MPI.SUM)))
+        self._force = max(forces, ROUGH * self._loads.norm())
+        x.destroy()
+        reactions.destroy()
+        return v
 
     def _sprung(self, target: fem.Function) -> fem.Function:
         """Return the displacement under the loads, with springs to a target [length].

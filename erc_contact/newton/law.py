@@ -57,7 +57,7 @@ NEAR = 0.05
 """Accuracy of the share of a step [-]."""
 SHARE_OF_TOLERANCE = 0.7
 """Share of the tolerance of a solve that the law may leave; the contact has as much."""
-FORCING = 0.01
+FORCING = 0.1
 """Error of a contact problem on the way, over the misfit that is expected [-]."""
 LEAST_GAIN = 0.3
 """Share of a misfit that a step is expected to leave at most [-]."""

@@ -45,7 +45,7 @@ from erc_contact.newton.given_forces import (
 from erc_contact.newton.iterative import Iterative
 from erc_contact.newton.ladder import NODAL
 from erc_contact.newton.law import solution_of_law
-from erc_contact.newton.linear.choice import multigrid_is_faster
+from erc_contact.newton.linear.choice import STANDS_BY, direct_over_multigrid
 from erc_contact.newton.methods import Method
 from erc_contact.newton.plausibility import doubts, tell
 from erc_contact.newton.solution import Solution
@@ -99,7 +99,7 @@ def solve(
             parallel, with algebraic multigrid, to 1e-10 of the contact forces. "auto"
             predicts which is faster: multigrid for large bodies in 3D and for long
             contacts. It takes the direct solver where multigrid fails, or is slow in
-            its first 20 cycles.
+            its first 20 cycles, unless that would take a hundred times as long.
 
     Returns:
         The solution. ``singular`` tells that it may be one of many; a warning is
@@ -165,17 +165,22 @@ def solve_quietly(
         method = method or NODAL
         start = start or after
 
-    iterative = solver == "iterative" or (solver == "auto" and multigrid_is_faster(model))
+    iterative = solver == "iterative"
+    stands_by = False
+    if solver == "auto":
+        share = direct_over_multigrid(model)
+        iterative = share > 1.0
+        stands_by = iterative and share <= STANDS_BY
     kind: Callable[[Model], Direct | Iterative] = Direct
     if iterative:
-        # The direct solver stands by, so that a slow start is worth no patience.
-        kind = partial(Iterative, hurried=solver == "auto")
+        # Where the direct solver stands by, a slow start is worth no patience.
+        kind = partial(Iterative, hurried=stands_by)
     name = "multigrid" if iterative else "the direct solver"
     try:
         with stage(space.comm, f"solving with {name}"):
             solution = solution_of_law(kind, model, method, start, tolerance)
     except NotConverged as failure:
-        if solver != "auto" or not iterative:
+        if not stands_by:
             raise
         log_of(space.comm).info(
             "%d cells: the direct solver takes over from multigrid. %s", domain.cells, failure

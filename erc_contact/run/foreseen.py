@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from math import log, sqrt
 
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.error.sizes import DOUBT, PREDICTIVE_ERROR, size_map
+from erc_contact.error.sizes import PREDICTIVE_ERROR, is_out_of_reach, size_map
 from erc_contact.run.step import Step
 from namedmesh.base.percent import percent
 
@@ -18,6 +18,8 @@ FORESEEN_FALL = 2.0
 
 Where more is missing a mesh does not see yet where its elements have to be.
 """
+FORESEEN_FALL_BY_SIZES = 4.0
+"""The same where the optimal mesh tells, which a run makes in one step so far [-]."""
 
 
 def mesh_under_way(steps: Sequence[Step], cells: int, accuracy: float | None) -> str:
@@ -104,6 +106,8 @@ def foresee_by_sizes(
     """
     if len(steps) < 2 or error.total > PREDICTIVE_ERROR:
         return None
+    if error.total / accuracy > FORESEEN_FALL_BY_SIZES:
+        return None
     optimal = size_map(error, accuracy).predicted_cells
     by_power = foresee_cells(steps, accuracy, error.degree / error.domain.dim)
     return optimal if by_power is None else sqrt(optimal * by_power)
@@ -137,6 +141,6 @@ def too_many_cells(
     if cells is not None:
         number = f"{percent(accuracy)} takes about {cells:.2g} cells"
         return number + ending if cells > max_cells else ""
-    if equal < max_cells or size_map(error, accuracy).predicted_cells < DOUBT * max_cells:
+    if not is_out_of_reach(error, accuracy, max_cells):
         return ""
     return f"{percent(accuracy)} takes more cells than are allowed" + ending

@@ -55,8 +55,12 @@ TABLES = ("VTKHDF/Points", "cells", "facets", "regions", "curved", "glued", "clo
 """The tables of a mesh."""
 ABOUT = "linearised about"
 """Name of the displacement about which a potential was linearised."""
-SAME_ERROR = 1e-8
-"""Difference of eps that round-off explains, over eps [-]."""
+SAME_ERROR = 2e-3
+"""Difference of eps that round-off explains, over eps [-].
+
+The mesh is read in another order. In hundreds of iterations that tighten a stress, near
+incompressibility, conjugate gradients let round-off grow to a thousandth of e.
+"""
 SAME_SQUARE = 1e-14
 """Difference of eps^2 that round-off explains [-].
 

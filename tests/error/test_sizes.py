@@ -12,6 +12,7 @@ The formula, its prediction, and the loop that ends at the accuracy asked for.
 """
 
 import logging
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -21,7 +22,7 @@ from scenes import block, common_block, greco, mostly_serial, prototype_block
 from test_remesh import MESHES
 
 import erc_contact as ec
-from erc_contact.error.sizes import RATIO
+from erc_contact.error.sizes import PREDICTIVE_ERROR, RATIO
 from erc_contact.output.gathered import whole_contact
 from erc_contact.results import OPEN, SLIP, STICK
 from erc_contact.run.foreseen import foresee_by_sizes, foresee_cells
@@ -232,6 +233,18 @@ def test_coarse_mesh_does_not_refuse_what_can_be_done():
     assert history.steps[0].eps > 0.5
     assert history.reached
     assert history.steps[-1].cells < 5000
+
+
+@pytest.mark.serial
+def test_a_small_error_that_is_asked_for_is_not_out_of_reach():
+    """The second mesh is off by 25%; its rates predict 900 000 cells for 0.03%."""
+    disc = ec.read_mesh(MESHES / "half_disc.geo", scripts=True)
+    arguments = {"degree": 2, "strategy": ec.SizeMap(), "max_cells": 30_000}
+    scene = replace(hertz(), supports=[ec.Displacement("top", (0.0, -0.02))])
+    history = ec.adapt(scene, disc, 3e-4, **arguments)
+    assert history.steps[1].total < PREDICTIVE_ERROR
+    assert history.reached
+    assert history.steps[-1].cells < 30_000
 
 
 def test_accuracy_that_takes_too_many_cells_is_told_at_once(caplog):

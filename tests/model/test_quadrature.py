@@ -8,6 +8,8 @@
   pieces fill their simplex.
 """
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -121,6 +123,31 @@ def test_jumps_between_cells_are_smooth():
     )
     assert found.resolved.all()
     assert found.value.ravel() == pytest.approx([0.5, 50.0], rel=1e-12)
+
+
+@pytest.mark.serial
+def test_few_pieces_are_bisected_at_a_peak():
+    """What is unknown lies in a few pieces; what is left adds up to what is allowed."""
+    places = np.linspace(0.0, 1.0, 5)
+    triangles = []
+    for left, right in pairwise(places):
+        for low, high in pairwise(places):
+            triangles += [[(left, low), (right, low), (right, high)]]
+            triangles += [[(left, low), (right, high), (left, high)]]
+    sizes = []
+
+    def peak(of, at, x):
+        sizes.append(len(of))
+        return 1 / (0.01 + (x**2).sum(axis=2, keepdims=True))
+
+    vertices, area = np.array(triangles), np.full(len(triangles), 1 / 32)
+    arguments = peak, vertices, area, cell_pieces(2)
+    found = integrate(MPI.COMM_SELF, *arguments, share=1e-6)
+    assert found.resolved.all()
+    # 1338 pieces where each piece may leave as much as any piece.
+    assert sum(sizes) < 900
+    exact = integrate(MPI.COMM_SELF, *arguments, share=1e-10).value.sum()
+    assert abs(found.value.sum() - exact) <= found.bound.sum() <= 1e-6 * exact
 
 
 def test_zero_and_noise_end():

@@ -258,6 +258,23 @@ def test_action_is_reaction(error):
             assert abs(sum(part.moment for part in of_body)).max() < 1e-9 * size
 
 
+@pytest.mark.parametrize("solver", ["direct", "iterative"])
+def test_bodies_that_fit_tightly_move_together(solver):
+    """Without the interference nothing is deformed: it alone is the scale of forces."""
+
+    def held_at(way: tuple[float, float]) -> ec.Solution:
+        ends = [ec.Displacement(f"{body} outer", way) for body in ("upper", "lower")]
+        scene = ec.Scene(MATERIAL, ends, [], [contact(friction=0.3, gap=-0.02)])
+        return ec.solve(scene, small_bricks(2), solver=solver)
+
+    way = (0.3, -0.2)
+    at_rest, moved = held_at((0.0, 0.0)), held_at(way)
+    shift = moved.u.x.array.reshape(-1, 2) - at_rest.u.x.array.reshape(-1, 2)
+    assert abs(shift - way).max(initial=0.0) < 1e-9
+    force = at_rest.force(UPPER).force
+    assert abs(moved.force(UPPER).force - force).max() < 1e-8 * abs(force).max()
+
+
 @pytest.mark.broad
 @pytest.mark.parametrize("d", [2, 3])
 def test_either_side_of_a_history(d):

@@ -273,6 +273,22 @@ OTHER = {
 }
 
 
+def test_runs_go_on_where_iterations_let_round_off_grow(shared_tmp_path):
+    """A block that is nearly incompressible takes 248 iterations: eps differs by 6e-6."""
+    scene = ec.Scene(
+        ec.Elastic(1.0, 0.4999),
+        [ec.Displacement("bottom", (0.0, 0.0, 0.0))],
+        [ec.Traction("top", lambda x: (0.001 * x[0], 0.0, -0.01))],
+    )
+    box = ec.box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), cells=(3, 3, 3))
+    arguments = {"accuracy": 0.3, "checkpoint": shared_tmp_path / "run"}
+    first = ec.adapt(scene, box, **arguments)
+    again = ec.adapt(scene, box, **arguments)
+    assert first.best.admissible.tightening > 100
+    assert [step.eps for step in again.steps] == [step.eps for step in first.steps]
+    assert again.best.relative == pytest.approx(first.best.relative, rel=1e-3)
+
+
 @pytest.mark.serial
 def test_fingerprint_does_not_know_how_many_constants_there_were(monkeypatch):
     """UFL sorts factors by the text of their numbers, in which "1000" comes before "999"."""

@@ -44,6 +44,14 @@ TWINS = {
         lambda x: np.exp(-np.sum(np.square(x))) * (x[0] > 0.5),
         lambda x: ufl.exp(-ufl.dot(x, x)) * ufl.conditional(ufl.gt(x[0], 0.5), 1.0, 0.0),
     ),
+    # It needs no numpy, and works with the coordinates of UFL as they are.
+    "conditions": (
+        lambda x: x[1] * (2.0 - (x[0] > 0.5)) + ((x[1] < 0.2) | (x[0] < 0.1)),
+        lambda x: (
+            x[1] * (2.0 - ufl.conditional(ufl.gt(x[0], 0.5), 1.0, 0.0))
+            + ufl.conditional(ufl.Or(ufl.lt(x[1], 0.2), ufl.lt(x[0], 0.1)), 1.0, 0.0)
+        ),
+    ),
 }
 
 

@@ -19,6 +19,7 @@ Symbols: n cells, Q points in the sub-simplices of a cell, s components of a ten
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, replace
 from math import inf
 from typing import NamedTuple
@@ -27,7 +28,7 @@ import numpy as np
 from dolfinx import la
 from mpi4py import MPI
 
-from erc_contact.admissible.elastic import strains_of_body
+from erc_contact.admissible.elastic import chunks_of_cells, strains_of_body
 from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.reconstruction import Reconstruction
 from erc_contact.admissible.tighten import iteration
@@ -191,9 +192,24 @@ class _AtPoints:
         energy, strain = self.law.dual(sigma, search, *self.places)
         return 2 * (beside + energy), strain
 
+    def chunk(self, cells: slice) -> _AtPoints:
+        """Return the same for some cells only."""
+        part = copy(self)
+        x, owned = self.places
+        part.places = x[cells], owned[cells]
+        part.strain = self.strain[cells]
+        part.of_strain = self.of_strain[cells]
+        part.around = self.around[cells] if len(self.around) > 1 else self.around
+        part._weights = self._weights[cells]
+        return part
+
+    def integral(self, density: np.ndarray) -> float:
+        """Integrate a density over the cells."""
+        return float((self._weights * density).sum())
+
     def total(self, density: np.ndarray) -> float:
         """Integrate a density over the bodies; collective."""
-        return self._comm.allreduce(float((self._weights * density).sum()), MPI.SUM)
+        return self._comm.allreduce(self.integral(density), MPI.SUM)
 
 
 class _AboutStress:
@@ -214,15 +230,22 @@ class _AboutStress:
         Args:
             stress: Coefficients, see :class:`Tight`.
         """
-        at = self._at
-        sigma = at.stress(np.matmul(self._shape, stress).reshape(at.strain.shape))
-        gap, strain = at.gap(sigma)
-        compliance = np.linalg.inv(at.law.tangent(strain, *at.places)).mean(axis=1)
-        # S(eps(u^)) = sigma + C (eps(u^) - eps_1), on rings as the moments have it.
-        beyond = np.matmul(at.strain - strain, np.linalg.inv(compliance))
-        elastic = at.hoop_load.minus(at.around * (sigma + beyond), *at.places)
+        count, _, size = self._at.strain.shape
+        compliance = np.empty((count, size, size))
+        elastic = np.empty(self._at.strain.shape)
+        total = 0.0
+        for cells in chunks_of_cells(count):
+            at = self._at.chunk(cells)
+            sigma = at.stress(np.matmul(self._shape, stress[cells]).reshape(at.strain.shape))
+            gap, strain = at.gap(sigma)
+            total += at.integral(gap)
+            softness = np.linalg.inv(at.law.tangent(strain, *at.places)).mean(axis=1)
+            # S(eps(u^)) = sigma + C (eps(u^) - eps_1), on rings as the moments have it.
+            beyond = np.matmul(at.strain - strain, np.linalg.inv(softness))
+            elastic[cells] = at.hoop_load.minus(at.around * (sigma + beyond), *at.places)
+            compliance[cells] = softness
         law = CellLaw(elastic, _with_ghosts(self._space.space, compliance)[:, None])
-        return law, at.total(gap)
+        return law, self._space.space.comm.allreduce(total, MPI.SUM)
 
 
 def _with_ghosts(space: Space, of_owned: np.ndarray) -> np.ndarray:

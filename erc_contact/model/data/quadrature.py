@@ -73,6 +73,14 @@ EQUAL = 0.999
 CHUNK_PIECES = 1024
 """Number of pieces that are worked on at once. Their arrays stay in the cache."""
 
+LEFT_IN_A_ROUND = 0.1
+"""Share of what is still allowed that the pieces of a round may leave [-].
+
+What they do not leave is for the pieces of later rounds.
+"""
+CLASSES = 60
+"""Number of powers of two below what is allowed that are told apart."""
+
 Integrand = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 """A function that returns the values of i integrands at q points of n pieces, shape (n,
 q, i). It gets the number of the simplex of each piece, shape (n,), and the points in
@@ -152,7 +160,6 @@ def integrate(
     corners = first.corners
     piece_measure = measure[simplex] * first.share
     first_count = comm.allreduce(len(simplex), MPI.SUM)
-    count = first_count
     value = unknown = allowed = np.zeros((len(vertices), 0))
     excess: list[float] = []
     for turn in range(BISECTION_ROUNDS[size] + 1):
@@ -168,8 +175,8 @@ def integrate(
             allowed = np.maximum(share * size_of_integrals, floor)
             if of_vector:
                 allowed = np.maximum(allowed, ROUND_OFF * size_of_integrals.sum())
-        # Each piece may leave its part of a tenth of what is allowed.
-        bad = ~np.all(piece_unknown <= 0.1 * allowed / max(count, 1), axis=1)
+        left = allowed - comm.allreduce(unknown.sum(axis=0), MPI.SUM)
+        bad = _worst(comm, piece_unknown, LEFT_IN_A_ROUND * left)
         bad_count = comm.allreduce(int(bad.sum()), MPI.SUM)
         total = comm.allreduce(unknown.sum(axis=0) + piece_unknown.sum(axis=0), MPI.SUM)
         excess.append(_greatest_ratio(total, allowed))
@@ -184,9 +191,35 @@ def integrate(
         corners = bisect(corners[bad], vertices[simplex[bad]])
         simplex = np.repeat(simplex[bad], 2)
         piece_measure = np.repeat(piece_measure[bad] / 2, 2)
-        count += bad_count
     total_unknown = comm.allreduce(unknown.sum(axis=0), MPI.SUM)
     return Integral(value, unknown, total_unknown <= allowed)
+
+
+def _worst(comm: MPI.Comm, unknown: np.ndarray, allowed: np.ndarray) -> np.ndarray:
+    """Tell which pieces leave too much unknown; collective.
+
+    They are so few that the other pieces just leave what is allowed: what is unknown
+    lies in few pieces, at kinks and jumps.
+
+    Args:
+        comm: Communicator.
+        unknown: What is unknown in the pieces of this rank, shape (n, i).
+        allowed: What may stay unknown in the other pieces of all ranks, shape (i,).
+
+    Returns:
+        Which they are, shape (n,).
+    """
+    # Powers of two tell pieces apart that differ by less on several ranks.
+    _, greatest = np.frexp(allowed)
+    _, powers = np.frexp(unknown)
+    classes = np.clip(powers - greatest + CLASSES, 0, CLASSES + 1)
+    classes[unknown == 0.0] = 0
+    sums = np.zeros((CLASSES + 2, unknown.shape[1]))
+    for i in range(unknown.shape[1]):
+        sums[:, i] = np.bincount(classes[:, i], unknown[:, i], CLASSES + 2)
+    up_to = np.cumsum(comm.allreduce(sums, MPI.SUM), axis=0)
+    first_bad = np.count_nonzero(up_to <= allowed, axis=0)
+    return np.asarray((classes >= first_bad).any(axis=1))
 
 
 def _ends(size: int, excess: list[float]) -> bool:

@@ -229,18 +229,40 @@ class Linearised:
 
     def tangent_at(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Evaluate C at points of cells [force/area], shape (n, q, s, s)."""
-        return self.law.tangent((1 - BESIDE) * self.strain_at(x, cells), x, cells)
+        return self._tangent_about(self.strain_at(x, cells), x, cells)
+
+    def stress_at(self, strain: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Return ``psi'(E) + C (eps - eps(u))`` of strains eps [force/area].
+
+        It is ``C (eps - eps_0)``, without the inverse of C.
+        """
+        about = self.strain_at(x, cells)
+        change = strain - about
+        if self.jumps is not None:
+            size = self.jumps.ufl_shape[0]
+            change[..., :size] += self._jumps_of(cells)
+        tangent = self._tangent_about(about, x, cells)
+        of_change = np.matmul(tangent, change[..., None])[..., 0]
+        return np.asarray(self.law.stress(about, x, cells) + of_change)
+
+    def _tangent_about(self, strain: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Return C about strains [force/area], shape (n, q, s, s)."""
+        return self.law.tangent((1 - BESIDE) * strain, x, cells)
+
+    def _jumps_of(self, cells: np.ndarray) -> np.ndarray:
+        """Return the strain of the jumps of preloads in cells [-], shape (n, 1, s)."""
+        assert self.jumps is not None
+        return self.jumps.x.array.reshape(-1, self.jumps.ufl_shape[0])[cells][:, None]
 
     def __call__(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Evaluate eps_0 at points of cells, as given strains are, shape (n, q, s)."""
         eps = self.strain_at(x, cells)
         stress = self.law.stress(eps, x, cells)
-        tangent = self.tangent_at(x, cells)
+        tangent = self._tangent_about(eps, x, cells)
         given = eps - np.linalg.solve(tangent, stress[..., None])[..., 0]
         if self.jumps is not None:
             size = self.jumps.ufl_shape[0]
-            of_cells = self.jumps.x.array.reshape(-1, size)[cells]
-            given[..., :size] -= of_cells[:, None]
+            given[..., :size] -= self._jumps_of(cells)
         return given
 
 
@@ -293,6 +315,10 @@ class ConvexConstitution(Constitution):
     def metric(self) -> TangentMatrix:
         """Return C^-1 [area/force], the metric of stresses."""
         return TangentMatrix(self._linearised, inverse=True)
+
+    def stress(self, strain: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Return the stress of a strain, see :meth:`.Constitution.stress`."""
+        return self.stiffness.section.times(self._linearised.stress_at(strain, x, cells), x)
 
     def fenchel(
         self,

@@ -33,16 +33,24 @@ MULTIGRID = {2: 4.3e-5, 3: 9e-5}
 """Seconds of multigrid for one unknown, by dimension."""
 
 
-def multigrid_is_faster(model: Model) -> bool:
-    """Tell whether multigrid is the faster solver for a model; collective.
+STANDS_BY = 100.0
+"""Time of the direct solver over the time of multigrid up to which it stands by [-]."""
 
-    The answer does not depend on the number of ranks.
+
+def multigrid_is_faster(model: Model) -> bool:
+    """Tell whether multigrid is the faster solver for a model; collective."""
+    return direct_over_multigrid(model) > 1.0
+
+
+def direct_over_multigrid(model: Model) -> float:
+    """Predict the time of the direct solver over the time of multigrid [-]; collective.
+
+    It does not depend on the number of ranks.
     """
-    unknowns = _unknowns(model)
     of_square, of_cube = DENSE
     layer = layer_size(model)
     direct = _seconds_of_factor(model) + of_square * layer**2 + of_cube * layer**3
-    return MULTIGRID[model.space.d] * unknowns < direct
+    return direct / (MULTIGRID[model.space.d] * _unknowns(model))
 
 
 def _seconds_of_factor(model: Model) -> float:

@@ -152,7 +152,8 @@ class ElasticEquations:
         vector = fp.create_vector(model.space.V)
         with vector.localForm() as local:
             local.array[:] = b.x.array
-        if supports:
+        # Supports at rest, as most are, lift nothing.
+        if supports and model.prescribed.x.array.any():
             fp.apply_lifting(vector, [self.form], bcs=[model.bcs])
         vector.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
         if supports and glued and model.connections.any:

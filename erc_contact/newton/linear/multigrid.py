@@ -139,6 +139,11 @@ class Multigrid(ElasticEquations):
         return self.glue.diagonal()[: self.owned]
 
     @property
+    def at_contacts(self) -> np.ndarray:
+        """Tell which components of this rank are at contacts, shape (owned,)."""
+        return self._stiffness_of_glue > 0
+
+    @property
     def hierarchy(self) -> Hierarchy:
         """Return the hierarchy; the first call makes it."""
         if self._hierarchy is None:
@@ -223,7 +228,7 @@ class Multigrid(ElasticEquations):
         """
         self.hierarchy.set_share(1.0)
         connections = self.model.connections
-        held = self._stiffness_of_glue > 0
+        held = self.at_contacts
         fixed = np.flatnonzero(self.fixed)
         y = connections.least_displacement(y)
 

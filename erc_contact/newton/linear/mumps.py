@@ -208,7 +208,10 @@ def _with_workspace(matrix: PETSc.Mat, schur_on: np.ndarray | None, workspace: i
     factor.setMumpsIcntl(7, AMF if schur_on is None else AMD)
     if schur_on is not None:
         indices = PETSc.IS().createGeneral(schur_on.astype(PETSc.IntType), comm=comm)
-        _call("MatFactorSetSchurIS", factor.handle, indices.handle)
+        try:
+            _call("MatFactorSetSchurIS", factor.handle, indices.handle)
+        except RuntimeError:
+            raise MemoryError(f"the dense stiffness of {len(schur_on)} unknowns") from None
         indices.destroy()
 
     # Compression calls METIS, which no signal may interrupt.
