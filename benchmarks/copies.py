@@ -174,10 +174,11 @@ def energy_anew(case: Case, error: ec.ConstitutiveError) -> float:
     # A mean stress does work on the jump of u^, on sides without holes.
     corners = mesh.geometry.x
     volume = np.prod(np.ptp(corners[:, :2], axis=0))
-    for axis, entry in enumerate(error.solution.scene.contacts):
+    axes = {here: axis for axis, (here, _) in enumerate(SIDES)}
+    for entry in error.solution.scene.contacts:
         mean_stress = getattr(entry, "mean_stress", None)
         if mean_stress is not None:
-            row = np.nan_to_num(np.array(mean_stress, dtype=float)[axis])
+            row = np.nan_to_num(np.array(mean_stress, dtype=float)[axes[entry.facets]])
             total -= float(volume * row @ error.solution.mean_strain(entry.facets))
     return total
 

@@ -494,7 +494,8 @@ class Domain(Bodies):
             ()
         """
         whole = self.whole
-        tables = spread(self.comm, alike.with_matching_sides(whole, tuple(pairs)))
+        plain = alike.with_matching_sides(whole, tuple(pairs), joint.glue_sides)
+        tables = spread(self.comm, plain)
         if not whole.regions:
             tables["cell_tags"] = None
         result = replace(whole, **tables, periodic=())

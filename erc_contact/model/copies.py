@@ -3,22 +3,24 @@
 The planes of symmetry of a scene make copies of the body by reflections, which form a
 group: of one plane 2, of two planes at a right angle 4, of two planes at 30 degrees 12.
 Cyclic sides make copies by turns, one for each sector, and periodic sides copies along
-their translation, without end.
+their translation, without end, which differ by the mean strain.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import product
 from typing import Any
 
 import numpy as np
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.model.contact.periodic import jump_of
+from erc_contact.model.contact.periodic import area_vector, pair_of
 from erc_contact.model.model import Model
 from erc_contact.model.space import Space
-from erc_contact.scene.contact import Symmetry
+from erc_contact.scene.contact import Contact, Symmetry
 from erc_contact.scene.periodic import Periodic
+from namedmesh.base.names import known_names
 
 MOST_COPIES = 400
 """Number of copies beyond which the planes are taken not to close a body."""
@@ -107,6 +109,40 @@ def shown_copies(model: Model, what: str) -> list[tuple[Motion, np.ndarray]]:
             " the whole."
         )
     return copies
+
+
+def jump_of(space: Space, entry: Periodic) -> tuple[np.ndarray, np.ndarray]:
+    """Return the translation t of periodic sides and ``E t`` [length]; collective.
+
+    Args:
+        space: The mesh.
+        entry: What the scene declares, with what was found for a mean stress.
+    """
+    pair = pair_of(space, entry)
+    assert pair is not None
+    jump = entry.jump_of(pair, area_vector(space, entry.facets))
+    shift = np.array(pair.shift)
+    return shift, np.zeros(len(shift)) if jump is None else jump
+
+
+def mean_strain(space: Space, contacts: Sequence[Contact], part: str) -> np.ndarray:
+    """Return ``E t/|t|`` of the translation t between periodic sides [-]; collective.
+
+    Args:
+        space: The mesh.
+        contacts: What the scene declares.
+        part: Name of either side.
+
+    Raises:
+        InputError: If no periodic sides have this part.
+    """
+    periodic = [entry for entry in contacts if isinstance(entry, Periodic)]
+    for entry in periodic:
+        if part in entry.sides:
+            shift, jump = jump_of(space, entry)
+            return np.asarray(jump / np.linalg.norm(shift))
+    known = known_names(part, [name for entry in periodic for name in entry.sides])
+    raise InputError(f"No Periodic has the part {part!r}; this scene has {known}")
 
 
 def _reflection(model: Model, name: str) -> Motion:

@@ -15,10 +15,10 @@ from erc_contact.base.ufl_types import Ufl
 from erc_contact.base.views import view_of
 from erc_contact.model.contact.contact_values import friction_parameters
 from erc_contact.model.contact.foundation import ContactOnMesh
-from erc_contact.model.contact.periodic import mean_strain
 from erc_contact.model.contact.trace import split
 from erc_contact.model.contact_area import ContactArea
 from erc_contact.model.contact_force import ContactForce
+from erc_contact.model.copies import mean_strain
 from erc_contact.model.forces import Force, body_force, by_cause, nodal_reactions, part_force
 from erc_contact.model.greatest import find_maximum
 from erc_contact.model.maximum import Maximum

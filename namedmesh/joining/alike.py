@@ -10,25 +10,31 @@ Symbols: 1 and 2 the sides. The motion of the pair takes side 1 onto side 2.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from namedmesh.base.exceptions import InputError, raise_together
 from namedmesh.bodies import Bodies
-from namedmesh.joining.joint import glue_sides
 from namedmesh.periodic import PeriodicPair
 from namedmesh.plain import PlainMesh
 from namedmesh.tags import NO_TAG
 from namedmesh.transfer import gather_mesh
 
+Glue = Callable[[PlainMesh, tuple[int, int], int], tuple[PlainMesh, Any]]
+"""Glues the sides of two tags and gives their facets a third one, as
+:func:`namedmesh.joining.joint.glue_sides` does."""
 
-def with_matching_sides(bodies: Bodies, pairs: tuple[PeriodicPair, ...]) -> PlainMesh:
+
+def with_matching_sides(bodies: Bodies, pairs: tuple[PeriodicPair, ...], glue: Glue) -> PlainMesh:
     """Return the mesh of bodies whose paired sides match, on rank 0; collective.
 
     Args:
         bodies: The glued mesh.
         pairs: The pairs.
+        glue: Joins two bodies.
 
     Raises:
         InputError: If sides of a pair do not lie on each other as copies, or bodies
@@ -40,7 +46,7 @@ def with_matching_sides(bodies: Bodies, pairs: tuple[PeriodicPair, ...]) -> Plai
         try:
             for pair in pairs:
                 here, there = (bodies.names[name] for name in pair.names)
-                plain = _matched(plain, here, there, pair)
+                plain = _matched(plain, here, there, pair, glue)
         except InputError as reason:
             names = " and ".join(pair.names)
             error = InputError(f"matched: {names} do not become alike. {reason}")
@@ -48,19 +54,19 @@ def with_matching_sides(bodies: Bodies, pairs: tuple[PeriodicPair, ...]) -> Plai
     return plain
 
 
-def _matched(plain: PlainMesh, here: int, there: int, pair: PeriodicPair) -> PlainMesh:
+def _matched(plain: PlainMesh, here: int, there: int, pair: PeriodicPair, glue: Glue) -> PlainMesh:
     """Return a mesh whose sides of these tags match."""
     if plain.glued is not None:
         raise InputError("Bodies that were joined with apart= keep their places there.")
     rotation = np.array(pair.rotation)
     before = replace(plain, x=(plain.x - np.array(pair.shift)) @ rotation)
-    first = _joined(plain, before, here, there)[0]
+    first = _joined(plain, before, here, there, glue)[0]
     following = replace(first, x=pair.image(first.x))
-    return _joined(following, first, here, there)[1]
+    return _joined(following, first, here, there, glue)[1]
 
 
 def _joined(
-    first: PlainMesh, second: PlainMesh, here: int, there: int
+    first: PlainMesh, second: PlainMesh, here: int, there: int, glue: Glue
 ) -> tuple[PlainMesh, PlainMesh]:
     """Join side 1 of a body to side 2 of another one, and return both bodies.
 
@@ -69,6 +75,7 @@ def _joined(
         second: The body of side 2.
         here: Tag of side 1.
         there: Tag of side 2.
+        glue: Joins two bodies.
     """
     # The second body has tags of its own.
     beyond = 1 + max(int(plain.tags.max()) for plain in (first, second))
@@ -81,7 +88,7 @@ def _joined(
     )
     both = PlainMesh.beside_each_other([first, marked])
     meeting = 2 * beyond
-    glued, _ = glue_sides(both, (here, there + beyond), meeting)
+    glued, _ = glue(both, (here, there + beyond), meeting)
     is_second = glued.regions > last_region
     bodies = []
     for others, tag, offset in ((is_second, here, 0), (~is_second, there, beyond)):

@@ -9,9 +9,7 @@ import numpy as np
 from erc_contact.base.exceptions import InputError
 from erc_contact.model.space import Space
 from erc_contact.scene.contact import Contact
-from erc_contact.scene.periodic import Periodic
 from namedmesh import Domain, PeriodicPair
-from namedmesh.base.names import known_names
 
 
 def periodic_pairs(contacts: Sequence[Contact], domain: Domain) -> list[PeriodicPair]:
@@ -63,37 +61,3 @@ def rotation_of(space: Space, contact: Contact) -> np.ndarray | None:
 def pair_of(space: Space, contact: Contact) -> PeriodicPair | None:
     """Return the pair of sides of copies that a contact is; None of other contacts."""
     return next((pair for pair in space.domain.periodic if pair.names == contact.sides), None)
-
-
-def jump_of(space: Space, entry: Periodic) -> tuple[np.ndarray, np.ndarray]:
-    """Return the translation t of periodic sides and ``E t`` [length]; collective.
-
-    Args:
-        space: The mesh.
-        entry: What the scene declares, with what was found for a mean stress.
-    """
-    pair = pair_of(space, entry)
-    assert pair is not None
-    jump = entry.jump_of(pair, area_vector(space, entry.facets))
-    shift = np.array(pair.shift)
-    return shift, np.zeros(len(shift)) if jump is None else jump
-
-
-def mean_strain(space: Space, contacts: Sequence[Contact], part: str) -> np.ndarray:
-    """Return ``E t/|t|`` of the translation t between periodic sides [-]; collective.
-
-    Args:
-        space: The mesh.
-        contacts: What the scene declares.
-        part: Name of either side.
-
-    Raises:
-        InputError: If no periodic sides have this part.
-    """
-    periodic = [entry for entry in contacts if isinstance(entry, Periodic)]
-    for entry in periodic:
-        if part in entry.sides:
-            shift, jump = jump_of(space, entry)
-            return np.asarray(jump / np.linalg.norm(shift))
-    known = known_names(part, [name for entry in periodic for name in entry.sides])
-    raise InputError(f"No Periodic has the part {part!r}; this scene has {known}")
