@@ -275,6 +275,28 @@ def test_bodies_that_fit_tightly_move_together(solver):
     assert abs(moved.force(UPPER).force - force).max() < 1e-8 * abs(force).max()
 
 
+@pytest.mark.serial
+@pytest.mark.parametrize("length", [1e-6, 1e3])
+def test_a_fit_alone_is_solved_in_any_units(length):
+    """No load and no support that moves tells how large forces are."""
+
+    def pressure(unit: float) -> float:
+        cells = (2, 2, 2)
+        lower = ec.box((0.0, 0.0, 0.0), (unit, unit, unit), cells=cells)
+        upper = ec.box((0.0, 0.0, unit), (0.7 * unit, unit, 2 * unit), cells=cells)
+        joined = ec.assembly({"lower": lower, "upper": upper})
+        joined = joined.joined("upper bottom", "lower top")
+        ends = [ec.Displacement(part, (0.0,) * 3) for part in ("lower bottom", "upper top")]
+        fit = ec.Contact(
+            "upper bottom", against="lower top", gap=lambda x: 0.01 * (x[0] - 0.3 * unit)
+        )
+        scene = ec.Scene(ec.Elastic(1.0, 0.3), ends, [], [fit])
+        solution = ec.solve(scene, joined, solver="direct")
+        return float(solution.force("upper bottom").force[2] / unit**2)
+
+    assert pressure(length) == pytest.approx(pressure(1.0), rel=1e-9)
+
+
 @pytest.mark.broad
 @pytest.mark.parametrize("d", [2, 3])
 def test_either_side_of_a_history(d):

@@ -209,10 +209,10 @@ def _worst(comm: MPI.Comm, unknown: np.ndarray, allowed: np.ndarray) -> np.ndarr
     Returns:
         Which they are, shape (n,).
     """
-    # Powers of two tell pieces apart that differ by less on several ranks.
-    _, greatest = np.frexp(allowed)
-    _, powers = np.frexp(unknown)
-    classes = np.clip(powers - greatest + CLASSES, 0, CLASSES + 1)
+    # A class of pieces leaves the same power of two of what is allowed, in any units.
+    shares = np.divide(unknown, allowed, out=np.ones_like(unknown), where=allowed > 0.0)
+    _, powers = np.frexp(shares)
+    classes = np.clip(powers + CLASSES, 0, CLASSES + 1)
     classes[unknown == 0.0] = 0
     sums = np.zeros((CLASSES + 2, unknown.shape[1]))
     for i in range(unknown.shape[1]):
