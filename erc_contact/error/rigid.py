@@ -112,7 +112,7 @@ def moves_rigidly(admissible: Admissible, floor_2: float) -> bool:
         without_pressure = replace(traction, values=np.zeros_like(traction.values))
         friction += float(contact_parts(space, moved, without_pressure).sum())
         tangential = split(contact.trace.since(rigid), contact.trace.normals).tangential
-        slip = max(slip, abs(tangential).max(initial=0.0))
+        slip = max(slip, float(abs(tangential).max(initial=0.0)))
     # The loads are not summed over ranks: their sizes are enough.
     loads = admissible.solution.stiffness.load_vector().x.array
     sizes = np.array([violation, slip, abs(loads).max(initial=0.0), abs(u).max(initial=0.0)])
