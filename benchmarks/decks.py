@@ -5,7 +5,7 @@
 The test suite of CalculiX is such a folder (Debian: calculix-ccx-test). ``--solve`` has
 the error of each deck that is taken; ``--ccx`` runs ``ccx`` on it, too, and has the
 greatest difference of the displacements at vertices, and of the forces on supports.
-At the end stand the decks of statics of isotropic solids: how many are taken, and which
+At the end stand the decks of statics of solids: how many are taken, and which
 are not.
 """
 
@@ -45,7 +45,7 @@ OF_SUBROUTINES = re.compile(r"[A-Z]+\d?N[UP]")
 
 
 def is_of_solids(path: Path) -> bool:
-    """Tell whether a deck is statics of isotropic solids, without a subroutine.
+    """Tell whether a deck is statics of solids, without a subroutine.
 
     All its keywords are taken in some way then; refused is how they are used.
     """
@@ -61,9 +61,9 @@ def is_of_solids(path: Path) -> bool:
 
 
 def _is_of_others(card: Card) -> bool:
-    """Tell whether a card has values of a subroutine, or moduli of a direction."""
+    """Tell whether a card has values of a subroutine, or moduli without axes."""
     if squeezed(card.keyword) == "ELASTIC":
-        return card.get("TYPE").upper() not in ("", "ISO")
+        return squeezed(card.get("TYPE")) in ("ANISO", "ANISOTROPIC")
     if card.keyword == "DLOAD" and any(OF_SUBROUTINES.fullmatch(row[1]) for row in card.rows):
         return True
     return card.has("USER") or card.get("DEFINITION").upper() == "USER"
@@ -241,7 +241,7 @@ def main() -> None:
         shown = ", ".join(sorted(set(refused))) or sentence.replace("\n", " ")[:300]
         print(f"{path.name:28s} {word:10s} {seconds:6.1f}  {shown}", flush=True)
     print(dict(counts))
-    print("statics of isotropic solids:", dict(of_solids), "not taken:", ", ".join(not_taken))
+    print("statics of solids:", dict(of_solids), "not taken:", ", ".join(not_taken))
     for name, of_cards in (
         ("taken cards, in decks:", taken),
         ("assumed cards, in decks:", assumed),

@@ -67,7 +67,8 @@ SOURCES = """\
   half-spaces with the approach of the hemispheres; the force of the hemispheres is 12.6%
   higher. SSNA102 is of the same manual; its contact follows the geometry on coarse triangles.
 - GetFEM 5 and CalculiX 2.20: [one scene side by side](comparison.md#one-scene-side-by-side).
-- The penny-shaped crack: I. N. Sneddon, Proc. R. Soc. A 187 (1946).
+- The penny-shaped crack: I. N. Sneddon, Proc. R. Soc. A 187 (1946). The crack along an arc:
+  N. I. Muskhelishvili, Some Basic Problems of the Mathematical Theory of Elasticity, 1953.
 - Hertz, Cattaneo, Mindlin, the flat punch: K. L. Johnson, Contact Mechanics, 1985. The beam:
   S. Timoshenko, J. Opt. Soc. Am. 11 (1925).
 - P. Coorevits, P. Hild, M. Hjiaj, SIAM J. Sci. Comput. 23 (2001).

@@ -130,9 +130,9 @@ for speed in (0, 3500, 7000):
     assert abs(whole).max() < 1e-9 * abs(history.force("bore").force).max()
 
 # %%
-# The stress around the hole, at the greatest speed.
+# The stress around the holes of all sectors, at the greatest speed.
 
-ec.output.draw_deformed(history, FOLDER / "deformed.png")
+ec.output.draw_deformed(history, FOLDER / "deformed.png", whole=True)
 
 # %%
 # The speed takes pressure from the fit, with its square.

@@ -11,7 +11,7 @@ SUBJECTS = {
     "Rings": "o_ring ball_on_layer turned_bolt turned_press_fit",
     "CAD and bolted assemblies": "part clamp flange_from_cad as1 bolt flange bracket",
     "Loading histories": "hysteresis cattaneo_mindlin around thermostat",
-    "Plasticity": "plastic_layer lug imprint autofrettage yielding_bolt",
+    "Plasticity": "plastic_layer lug imprint autofrettage yielding_bolt shrink_fit",
     "Numbers": "force_bounds run_time paper greco incompressible many_solutions",
     "Other codes": "other_code",
 }

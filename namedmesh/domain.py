@@ -23,7 +23,7 @@ from namedmesh.bodies import Bodies, Geometry
 from namedmesh.copies import is_pinched, number_nodes, same_ranks, stay_closed
 from namedmesh.files.of_dolfinx import has_other_cells, simplicial
 from namedmesh.interface_map import Interface
-from namedmesh.joining import joint
+from namedmesh.joining import alike, joint
 from namedmesh.naming import NamedShape, Rules, name_parts, name_regions, part_measures
 from namedmesh.parts_table import Parts, parts_of
 from namedmesh.periodic import PeriodicPair, across, linked_edges
@@ -471,6 +471,37 @@ class Domain(Bodies):
         whole = replace(whole, periodic=tuple(pairs))
         return whole.cut(self.interfaces) if self.interfaces else whole
 
+    def matched(self, pairs: Sequence[PeriodicPair]) -> Domain:
+        """Give the sides of pairs facets that match, on rank 0; collective.
+
+        Two copies of the body are joined as :meth:`joined` joins two bodies: in the
+        plane both sides are cut at the vertices of both, and in 3D they get common
+        facets where they are plane, with the regions behind them meshed anew.
+
+        Args:
+            pairs: The pairs of sides.
+
+        Returns:
+            The domain with these pairs.
+
+        Raises:
+            InputError: If sides of a pair do not lie on each other as copies, or bodies
+                were joined that are apart.
+
+        Example:
+            >>> alike = block.matched([nm.translated(block, "left", "right")])
+            >>> alike.pairs
+            ()
+        """
+        whole = self.whole
+        plain = alike.with_matching_sides(whole, tuple(pairs), joint.glue_sides)
+        tables = spread(self.comm, plain)
+        if not whole.regions:
+            tables["cell_tags"] = None
+        result = replace(whole, **tables, periodic=())
+        result = result.with_periodic(pairs)
+        return result.cut(self.interfaces) if self.interfaces else result
+
     def refined(self, marked: np.ndarray | None = None) -> Domain:
         """Refine by bisection of longest edges (DOLFINx), conforming; collective.
 
@@ -523,7 +554,7 @@ class Domain(Bodies):
         """Mesh the true geometry again with other sizes, by gmsh on rank 0; collective.
 
         The names stay, and curved boundaries get new vertices. Where the sizes are
-        larger, the new mesh is coarser.
+        larger, the new mesh is coarser. Periodic sides are meshed alike.
 
         Args:
             sizes: Edge h of the simplices that are wanted [length]: one number, or a
@@ -537,7 +568,7 @@ class Domain(Bodies):
 
         Raises:
             InputError: If the geometry is not known, a size is not > 0 and finite, gmsh
-                fails, or the domain has periodic sides.
+                fails, or its curves or surfaces at periodic sides do not match.
         """
         nodes = len(self.mesh.geometry.x)
         h = together(self.comm, sizes_at_nodes, sizes, nodes)
@@ -547,13 +578,8 @@ class Domain(Bodies):
                 "marking (strategy=Mark()), or make it by rectangle, box, from_gmsh, or "
                 "read_mesh of a .geo file."
             )
-        if self.periodic:
-            raise InputError(
-                "A mesh that is made anew would not have matching facets at the periodic sides"
-                f" {' and '.join(self.periodic[0].names)}; refine the mesh by marking:"
-                " strategy=Mark(), or domain.refined(cells)."
-            )
         if self.glued is not None and self.interface_map is not None:
             return self.glued.remeshed(self.interface_map.least(h)).cut(self.interfaces)
-        labels = labels_of(self, self.curved_facets)
-        return self.geometry.meshed_by(self, size_field(self, h), labels)
+        labels = replace(labels_of(self, self.curved_facets), periodic=self.periodic)
+        new = self.geometry.meshed_by(self, size_field(self, h), labels)
+        return new.with_periodic(self.periodic)

@@ -11,7 +11,7 @@ has an edge where it ends: so its area is compared, and the volume of a region.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -359,12 +359,14 @@ class NamedShape:
         Args:
             like: A domain on the same communicator.
             sizes: The sizes.
-            labels: Not used: the shape has its own names, and the rules give others.
+            labels: Its periodic pairs are used: the shape has its own names, and the
+                rules give others.
 
         Raises:
             InputError: If a part or a region has another size now.
         """
-        plain = self.shape.meshed_by(like, sizes, self.labels)
+        own_labels = replace(self.labels, periodic=labels.periodic)
+        plain = self.shape.meshed_by(like, sizes, own_labels)
         result = plain.renamed(self.rules, self.last_tag)
         allowed = SAME_CURVED if self.curved else SAME
         for (kind, name), value in part_measures(result, self.rules).items():

@@ -179,8 +179,10 @@ def facing_sides(mesh: NamedMesh, pair: PeriodicPair) -> Facing:
             f"{name!r} and {against!r} do not match: {here_count - here_found} of {here_count}"
             f" facets of {name!r} and {there_count - there_found} of {there_count} facets of"
             f" {against!r} have no facet at their image. Mesh both sides alike: rectangle or box"
-            " with cells=, or gmsh's setPeriodic for the curves or surfaces of both sides; and"
-            " look whether the motion from one onto the other is meant."
+            " with cells=, or gmsh's setPeriodic for the curves or surfaces of both sides. Or cut"
+            f" both at common points: domain.matched([nm.translated(domain, {name!r},"
+            f" {against!r})]), or nm.turned. Refine joined bodies by marking, strategy=ec.Mark()."
+            " And look whether the motion from one onto the other is meant."
         )
     return sides[0][first], sides[1][second]
 

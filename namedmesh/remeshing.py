@@ -17,6 +17,8 @@ from namedmesh.files.building import Built, build_simplices, spread_from
 from namedmesh.files.of_gmsh import marked_entities, mesh_of_model
 from namedmesh.gmsh_session import FIELD, add_sizes, session
 from namedmesh.named import NamedMesh
+from namedmesh.periodic import SAME_PLACE
+from namedmesh.rows import in_space
 from namedmesh.size_field import Labels, SizeField, at_corners
 
 GMSH_EXCESS = {2: 1.06, 3: 1.08}
@@ -79,6 +81,7 @@ def mesh_geometry(
 
     def build_mesh(gmsh: Any) -> None:
         tags.update(build(gmsh) or {})
+        mesh_alike(gmsh.model, labels)
         assert parts is not None
         corners = np.concatenate([x for x, _ in parts])
         corner_sizes = np.concatenate([values for _, values in parts])
@@ -106,6 +109,54 @@ def mesh_geometry(
         # gmsh's tags stand for the group "body" then, which nobody asked for.
         new["cell_tags"] = None
     return new
+
+
+def mesh_alike(model: Any, labels: Labels) -> None:
+    """Let gmsh mesh the second part of periodic pairs as the image of the first one.
+
+    Args:
+        model: gmsh's current model.
+        labels: The names of the new mesh, with the pairs.
+
+    Raises:
+        InputError: If the motion takes an entity of the first part onto none of the
+            second part, or the shape has no such parts.
+    """
+    dim = model.getDimension()
+    low, high = np.reshape(model.getBoundingBox(-1, -1), (2, 3))
+    reach = SAME_PLACE * np.linalg.norm(high - low)
+    for pair in labels.periodic:
+        if not labels.names.keys() >= set(pair.names):
+            raise InputError(
+                f"{' and '.join(pair.names)} are no parts of the shape, but named by rules, so that"
+                " gmsh cannot mesh them alike; refine by marking: strategy=ec.Mark(), or draw them"
+                " as parts."
+            )
+        parts = []
+        for name in pair.names:
+            tags = model.getEntitiesForPhysicalGroup(dim - 1, labels.names[name])
+            middles = [_mean_corner(model, dim - 1, int(tag)) for tag in tags]
+            parts.append((tags, np.array(middles)))
+        (first, x), (second, x_second) = parts
+        image = in_space(pair.image(x[:, :dim]))
+        away = np.linalg.norm(image[:, None] - x_second, axis=2)
+        nearest = away.argmin(axis=1)
+        if len(set(nearest)) < len(second) or away.min(axis=1).max() > reach:
+            raise InputError(
+                f"The curves or surfaces of {pair.names[0]!r} have no images in"
+                f" {pair.names[1]!r}, so that gmsh cannot mesh them alike; refine by marking:"
+                " strategy=ec.Mark()."
+            )
+        motion = np.eye(4)
+        motion[:dim, :dim] = pair.rotation
+        motion[:dim, 3] = pair.shift
+        model.mesh.setPeriodic(dim - 1, second[nearest], first, motion.ravel())
+
+
+def _mean_corner(model: Any, dim: int, tag: int) -> np.ndarray:
+    """Return the mean of the corners of a curve or surface [length], shape (3,)."""
+    corners = model.getBoundary([(dim, tag)], oriented=False, recursive=True)
+    return np.mean([model.getValue(0, point, []) for _, point in corners], axis=0)
 
 
 def _sort(x: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -42,6 +42,8 @@ FAR = 0.02
 
 It is a share of the diagonal of the box around the curve or surface [-].
 """
+SAME_POINT = 1e-7
+"""Distance of two closest points on an arc that are one, over its radius [-]."""
 
 
 class _OneModel:
@@ -273,6 +275,8 @@ def _closest(model: Any, dim: int, tag: int, x: np.ndarray) -> np.ndarray:
     if dim == 0:
         return np.tile(model.getValue(0, tag, []), (len(x), 1))
     closest = np.reshape(model.getClosestPoint(dim, tag, x.ravel())[0], (-1, 3))
+    if model.getType(dim, tag) == "Circle":
+        closest = _Arc(model, tag).nearer(x, closest)
     low, high = np.reshape(model.getBoundingBox(dim, tag), (2, 3))
     distance = np.linalg.norm(closest - x, axis=1)
     far = np.flatnonzero(distance > FAR * np.linalg.norm(high - low))
@@ -337,6 +341,9 @@ def _normals(model: Any, tags: Mapping[int, int], x: np.ndarray, marks: np.ndarr
     for mark in np.unique(marks):
         selected = marks == mark
         place = d - 1, tags[mark]
+        if model.getType(*place) == "Circle":
+            result[selected] = _Arc(model, tags[mark]).outward(in_space(x[selected]))[:, :d]
+            continue
         closest, _ = model.getClosestPoint(*place, in_space(x[selected]).ravel())
         parameters = model.getParametrization(*place, closest)
         if d == 2:
@@ -348,3 +355,45 @@ def _normals(model: Any, tags: Mapping[int, int], x: np.ndarray, marks: np.ndarr
         unknown = np.full_like(normals, np.nan)
         result[selected] = np.divide(normals, length, out=unknown, where=length > 0)
     return result
+
+
+class _Arc:
+    """Find points and normals of an arc to the last digits.
+
+    gmsh's own kernel finds closest points on arcs to 3e-10 of the radius, and slopes by
+    differences, to 1e-8: along such normals round bodies that slide on each other
+    catch. Points of a given parameter are exact, and three of them tell the circle.
+
+    Args:
+        model: gmsh's current model.
+        tag: Tag of the arc.
+    """
+
+    def __init__(self, model: Any, tag: int) -> None:
+        (low,), (high,) = model.getParametrizationBounds(1, tag)
+        # The ends of a whole circle are one point.
+        places = low + (high - low) * np.array([0.0, 1 / 3, 2 / 3])
+        points = np.reshape(model.getValue(1, tag, places), (-1, 3))
+        chords = points[1:] - points[0]
+        self._plane = np.linalg.qr(chords.T)[0]
+        # The centre is as far along each chord as its middle.
+        middles = 0.5 * (chords**2).sum(axis=1)
+        to_centre = np.linalg.solve(chords @ self._plane, middles)
+        self._centre = points[0] + self._plane @ to_centre
+        self._radius = np.linalg.norm(to_centre)
+
+    def outward(self, x: np.ndarray) -> np.ndarray:
+        """Return the unit normals in the plane of the arc at points (n, 3) [-]."""
+        away = (x - self._centre) @ self._plane @ self._plane.T
+        return np.asarray(away / np.linalg.norm(away, axis=1, keepdims=True))
+
+    def nearer(self, x: np.ndarray, closest: np.ndarray) -> np.ndarray:
+        """Return closest points of gmsh to the last digits; ends stay [length].
+
+        Args:
+            x: Points [length], shape (n, 3).
+            closest: What gmsh finds on the arc [length], shape (n, 3).
+        """
+        exact = self._centre + self._radius * self.outward(x)
+        is_same = np.linalg.norm(exact - closest, axis=1) < SAME_POINT * self._radius
+        return np.where(is_same[:, None], exact, closest)

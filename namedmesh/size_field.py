@@ -17,6 +17,7 @@ from mpi4py import MPI
 from namedmesh.base.exceptions import InputError
 from namedmesh.base.releases import cell_nodes
 from namedmesh.named import NamedMesh
+from namedmesh.periodic import PeriodicPair
 from namedmesh.simplex import barycentric, measures, rule
 
 FILL = {2: 4 / np.sqrt(3), 3: 5.0}
@@ -40,11 +41,13 @@ class Labels:
         names: Name of each boundary part -> its tag.
         regions: Name of each region -> its tag.
         curved: Whether the facets of curved sides are marked.
+        periodic: Pairs of parts that are to be meshed alike.
     """
 
     names: Mapping[str, int]
     regions: Mapping[str, int]
     curved: bool
+    periodic: tuple[PeriodicPair, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -57,8 +57,8 @@ LEAST_SHARE = 1 / 8
 SETTLED = 1e-9
 """Move of a vertex that is too small to be made, as a share of the greatest coordinate.
 
-gmsh finds nearest points on arcs to 3e-10 of their radius. A mesh that is read again
-must stay as it is to the last bit.
+gmsh's own kernel finds nearest points on curves to 3e-10 of their size. A mesh that is
+read again must stay as it is to the last bit.
 """
 OFFSET_ROUND_OFF = 1e-12
 """Offset that is round-off of the search, as a share of the greatest coordinate [-]."""

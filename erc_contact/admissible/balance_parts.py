@@ -5,6 +5,7 @@ Symbols: f facets, m number of coefficients of a facet, d dimension, K motions.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +18,6 @@ from erc_contact.admissible.nearest import BalancePart
 from erc_contact.admissible.shift import MOBILITY
 from erc_contact.base.exceptions import NotHeldError
 from erc_contact.model.contact.foundation import ContactOnMesh
-from erc_contact.model.contact.trace import Trace
 from erc_contact.model.space import Space
 
 SMALL_PRESSURE = 0.01
@@ -32,18 +32,44 @@ ACCEPTED_IMBALANCE = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
+class UnitJump:
+    """Hold a jump of one contact alone, on which its tractions have a given work.
+
+    Attributes:
+        contact: The contact.
+        direction: The jump, the same everywhere [-], shape (d,).
+    """
+
+    contact: ContactOnMesh
+    direction: np.ndarray
+
+
+type Motion = fem.Function | UnitJump
+"""A motion of bodies, or a jump of one contact, on which tractions balance."""
+
+
+def jump_of(contact: ContactOnMesh, motion: Motion) -> np.ndarray:
+    """Return the jump of a motion at the nodes of a contact [-], shape (f, m, d)."""
+    trace = contact.trace
+    if isinstance(motion, fem.Function):
+        return trace.of(motion.x.array)
+    is_here = float(motion.contact.name == contact.name)
+    return np.broadcast_to(is_here * motion.direction, (*trace.here.nodes.shape, trace.here.d))
+
+
+@dataclass(frozen=True, eq=False)
 class OtherForces:
     """Hold the forces that contact tractions have to balance.
 
     Attributes:
-        motions: Rigid motions, Functions of V.
+        motions: Rigid motions, Functions of V, and unit jumps of contacts.
         works: Work of the forces on them [force], shape (K,).
         stiffness: M, the stiffness of springs on them [force/length], shape (K, K).
         free: Combinations of the motions that no spring holds, shape (K, free).
         size: Sum of the sizes of the forces [force].
     """
 
-    motions: list[fem.Function]
+    motions: list[Motion]
     works: np.ndarray
     stiffness: np.ndarray
     free: np.ndarray
@@ -51,7 +77,7 @@ class OtherForces:
 
 
 def weights_and_motions(
-    space: Space, contact: ContactOnMesh, motions: list[fem.Function]
+    space: Space, contact: ContactOnMesh, motions: Sequence[Motion]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Compute the weights of the nodes of a contact, and motions there.
 
@@ -64,7 +90,7 @@ def weights_and_motions(
     area = trace.here.areas
     share = area / trace.here.nodes.shape[1]
     # A motion is linear: its values at the nodes are also its coefficients.
-    by_motion = [moments(area, trace.of(motion.x.array), space.degree) for motion in motions]
+    by_motion = [moments(area, jump_of(contact, motion), space.degree) for motion in motions]
     weight = np.where(trace.here.owned, share, 0.0)[:, None]
     return weight, np.stack(by_motion, axis=-1) / share[:, None, None, None]
 
@@ -140,7 +166,7 @@ class TooCoarse(NotHeldError):
 
 def check_balance(
     space: Space,
-    tractions: list[tuple[Trace, np.ndarray]],
+    tractions: list[tuple[ContactOnMesh, np.ndarray]],
     others: OtherForces,
     imbalance: np.ndarray,
     forces: float,
@@ -149,7 +175,7 @@ def check_balance(
 
     Args:
         space: The mesh.
-        tractions: The trace and the tractions (f, m, d) of each contact [force/area].
+        tractions: Each contact with its tractions (f, m, d) [force/area].
         others: The other forces.
         imbalance: Work on the motions that is left [force], shape (K,).
         forces: Size of the forces [force].
@@ -173,8 +199,8 @@ def check_balance(
 
 def _cells_that_press(
     space: Space,
-    tractions: list[tuple[Trace, np.ndarray]],
-    motions: list[fem.Function],
+    tractions: list[tuple[ContactOnMesh, np.ndarray]],
+    motions: Sequence[Motion],
     left: np.ndarray,
 ) -> np.ndarray:
     """Return the cells at facets that press unbalanced bodies; collective.
@@ -185,10 +211,11 @@ def _cells_that_press(
         motions: The motions.
         left: Work on them that is left [force], shape (K,).
     """
-    moved = sum(amount * motion.x.array for amount, motion in zip(left, motions, strict=True))
     cells = []
-    for trace, values in tractions:
-        jump = abs(trace.of(np.asarray(moved))).max(axis=(1, 2), initial=0.0)
+    for contact, values in tractions:
+        trace = contact.trace
+        jumps = np.stack([jump_of(contact, motion) for motion in motions], axis=-1)
+        jump = abs(jumps @ left).max(axis=(1, 2), initial=0.0)
         farthest = space.comm.allreduce(jump.max(initial=0.0), MPI.MAX)
         size = abs(values).max(axis=(1, 2), initial=0.0)
         most = space.comm.allreduce(size.max(initial=0.0), MPI.MAX)

@@ -223,9 +223,7 @@ def _allowed_at_nodes(space: Space, trials: list[Trial], others: OtherForces) ->
             is_uniform = trial.uniform[:, None, None]
             allowed = np.where(is_uniform, trial.at_mean_pressure(r), trial.allowed.project(r))
             moved = max(moved, float(abs(allowed - r).max(initial=0.0)))
-        by_contact = [
-            (trial.allowed.contact.trace, r) for trial, r in zip(trials, values, strict=True)
-        ]
+        by_contact = [(trial.allowed.contact, r) for trial, r in zip(trials, values, strict=True)]
         check_balance(space, by_contact, others, imbalance, max(others.size, sizes))
         if comm.allreduce(moved, MPI.MAX) <= SETTLED_TRACTION * peak:
             break

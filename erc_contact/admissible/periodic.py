@@ -52,9 +52,8 @@ class PeriodicFit:
         frames = frames_of(pairs, [c.trace.rotation for c in contacts], numbers, space.d)
         self._groups = Groups(rows[:, 0], rows[:, 1], numbers, free[numbers], frames)
         self._given = np.concatenate(jumps)[first]
-        if frames is not None:
-            of_rows = frames[np.searchsorted(numbers, rows[:, 0])]
-            self._given = np.matmul(of_rows, self._given[..., None])[..., 0]
+        of_rows = frames.at(np.searchsorted(numbers, rows[:, 0]))
+        self._given = of_rows.inward(self._given)
 
     def __call__(self, values: np.ndarray) -> float:
         """Fit a displacement in place, and return the greatest change [length].
@@ -65,8 +64,7 @@ class PeriodicFit:
         groups = self._groups
         at = groups.group, slice(None), groups.slot
         change = np.matmul(groups.inverse, self._missing(values))[at][..., 0]
-        if groups.frames is not None:
-            change = np.matmul(change[:, None], groups.frames)[:, 0]
+        change = groups.frames.outward(change)
         values[groups.numbers] -= change
         return float(abs(change).max(initial=0.0))
 
@@ -95,10 +93,7 @@ class PeriodicFit:
         groups = self._groups
         group, _, width = groups.is_free.shape
         u = np.zeros((group, values.shape[1], width, 1))
-        of_nodes = values[groups.numbers]
-        if groups.frames is not None:
-            of_nodes = np.matmul(groups.frames, of_nodes[..., None])[..., 0]
-        u[groups.group, :, groups.slot, 0] = of_nodes
+        u[groups.group, :, groups.slot, 0] = groups.frames.inward(values[groups.numbers])
         missing = np.matmul(groups.whole, u)
         missing[groups.group_of_row, :, groups.slot_of_row, 0] -= self._given
         return missing

@@ -16,8 +16,9 @@ from functools import partial
 import numpy as np
 from dolfinx import fem, la
 from mpi4py import MPI
+from scipy.linalg import block_diag  # type: ignore[import-untyped]
 
-from erc_contact.admissible.balance_parts import OtherForces
+from erc_contact.admissible.balance_parts import OtherForces, UnitJump
 from erc_contact.admissible.cells import CellGeometry, facet_forces
 from erc_contact.admissible.elastic import CellStress, cell_stress
 from erc_contact.admissible.facets import divergence
@@ -27,6 +28,7 @@ from erc_contact.admissible.springs import (
     spring_stiffness,
     spring_tractions,
 )
+from erc_contact.model.given_forces import given_forces
 from erc_contact.model.model import Model
 from erc_contact.model.motions.held_motions import held_products
 from erc_contact.model.motions.rigid_motions import greatest_of_bodies, motions_not_held
@@ -143,8 +145,9 @@ def other_forces(
 ) -> OtherForces:
     """Compute what contact tractions have to balance on rigid motions; collective.
 
-    These are the loads, the forces of preloads on halves of bolts, and on motions that
-    springs alone hold their pull at u, too. It is in balance with the method's own
+    These are the loads, the forces of preloads on halves of bolts, the given forces of
+    periodic sides on their jumps, and on motions that springs alone hold their pull at
+    u, too. It is in balance with the method's own
     contact forces. If r^ has another resultant or moment, the springs have to take up
     the difference. It is small, but costs soft springs much.
 
@@ -167,7 +170,8 @@ def other_forces(
         held = held_products(model.space, model.bodies, values, fixed, faces=model.loose_faces)
         motions = motions_not_held(model.space, model.bodies[0], values, held)
     of_halves, works_on_halves = motions_of_halves(model, bolts)
-    if not motions and not of_halves:
+    of_sides, works_of_sides = _jumps_of_sides(model)
+    if not motions and not of_halves and not of_sides:
         return OtherForces([], np.zeros(0), np.zeros((0, 0)), np.zeros((0, 0)), 0.0)
     if with_springs:
         # On motions that no support holds, loads on supports do no work.
@@ -179,11 +183,25 @@ def other_forces(
     local = np.array([*works, abs(b.x.array).sum()])
     total = model.space.comm.allreduce(local, MPI.SUM)
     motions = [*motions, *of_halves]
-    works = [*total[:-1], *works_on_halves]
-    size = float(total[-1]) + float(np.sum(np.abs(works_on_halves)))
-    stiffness = spring_stiffness(model, motions)
-    free = motions_off_springs(model, motions)
-    return OtherForces(motions, np.array(works), stiffness, free, size)
+    works = [*total[:-1], *works_on_halves, *works_of_sides]
+    size = float(total[-1]) + float(np.sum(np.abs([*works_on_halves, *works_of_sides])))
+    # Springs do no work on a jump of periodic sides.
+    every = np.eye(len(of_sides))
+    stiffness = block_diag(spring_stiffness(model, motions), 0.0 * every)
+    free = block_diag(motions_off_springs(model, motions), every)
+    return OtherForces([*motions, *of_sides], np.array(works), stiffness, free, size)
+
+
+def _jumps_of_sides(model: Model) -> tuple[list[UnitJump], list[float]]:
+    """Return jumps of periodic sides with given forces, and their works; collective."""
+    jumps = []
+    works = []
+    for given in given_forces(model.scene, model):
+        if given.of_sides:
+            # The traction is on the first side, the force on the other one.
+            jumps.append(UnitJump(given.contact, given.direction))
+            works.append(given.force)
+    return jumps, works
 
 
 @dataclass(frozen=True, eq=False)

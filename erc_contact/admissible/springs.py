@@ -92,13 +92,13 @@ def spring_moments(model: Model, tractions: list[np.ndarray]) -> np.ndarray:
 
 
 def spring_stiffness(model: Model, motions: list[fem.Function]) -> np.ndarray:
-    """Compute ``int K m_k . m_l`` for K > 0 motions [force/length]; collective.
+    """Compute ``int K m_k . m_l`` for K motions [force/length]; collective.
 
     Returns:
         Shape (K, K), zero without springs.
     """
     total = np.zeros((len(motions), len(motions)))
-    if not model.springs:
+    if not model.springs or not motions:
         return total
     for spring in model.springs:
         side = spring.side
@@ -113,12 +113,12 @@ def spring_stiffness(model: Model, motions: list[fem.Function]) -> np.ndarray:
 
 
 def motions_off_springs(model: Model, motions: list[fem.Function]) -> np.ndarray:
-    """Find combinations of K > 0 motions that springs do not resist; collective.
+    """Find combinations of K motions that springs do not resist; collective.
 
     Returns:
         Shape (K, combinations).
     """
-    if not model.springs:
+    if not model.springs or not motions:
         return np.eye(len(motions))
     total = np.zeros((len(motions), len(motions)))
     at_nodes = np.stack([m.x.array.reshape(-1, model.space.d) for m in motions], axis=-1)

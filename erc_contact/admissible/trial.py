@@ -6,14 +6,14 @@ of coefficients of a facet, which belong to its nodes, d dimension.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from dolfinx import fem
 
 from erc_contact.admissible.allowed import Allowed
-from erc_contact.admissible.balance_parts import weights_and_motions
+from erc_contact.admissible.balance_parts import Motion, jump_of, weights_and_motions
 from erc_contact.admissible.sampled import friction_at_samples, with_friction
 from erc_contact.admissible.shift import Shift, shift_by_slip, shift_of_far_open
 from erc_contact.admissible.traction import ContactTraction, is_kinked
@@ -149,7 +149,7 @@ class Trial:
         )
 
     def weights_and_motions(
-        self, space: Space, motions: list[fem.Function]
+        self, space: Space, motions: Sequence[Motion]
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the weights of the coefficients, and motions there.
 
@@ -160,14 +160,14 @@ class Trial:
         return weight, of_nodes * self.off_axis[..., None, None]
 
     def _weights_and_motions(
-        self, space: Space, motions: list[fem.Function]
+        self, space: Space, motions: Sequence[Motion]
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return :meth:`weights_and_motions`, on the axis, too."""
         if self.turning is None:
             return weights_and_motions(space, self.contact, motions)
         trace = self.contact.trace
         # A motion is linear: its values at the nodes are also its coefficients.
-        turned = [self.turning.means(trace.of(motion.x.array)) for motion in motions]
+        turned = [self.turning.means(jump_of(self.contact, motion)) for motion in motions]
         weight = trace.here.owned_areas / turned[0].shape[1]
         return weight[:, None], np.stack(turned, axis=-1)
 

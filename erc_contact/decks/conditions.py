@@ -12,6 +12,7 @@ import numpy as np
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.decks.histories import Amplitude, Entry, Key
+from erc_contact.decks.orthotropic import rectangular
 from erc_contact.decks.reading import PLASTIC_STRAIN, Axes, DeckReading
 from erc_contact.decks.told import number_of, numbers_in
 from namedmesh.for_solvers import Card, DeckSpace
@@ -164,17 +165,12 @@ def read_amplitude(reading: DeckReading, card: Card, space: DeckSpace) -> None:
 def read_transform(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     """Read local axes of nodes."""
     numbers = [*numbers_in(card), *([0.0] * 6)][:6]
-    a = np.array(numbers[:3])
-    b = np.array(numbers[3:])
     nodes = reading.mesh.nodes(card.get("NSET"), space)
     kind = card.get("TYPE").upper() or "R"
     if kind == "R":
-        x = a / np.linalg.norm(a)
-        z = np.cross(a, b)
-        z /= np.linalg.norm(z)
-        axes = np.array([x, np.cross(z, x), z])
-        reading.transforms.append(Axes(nodes, np.zeros(3), axes, False, card))
+        reading.transforms.append(Axes(nodes, np.zeros(3), rectangular(numbers), False, card))
     elif kind == "C":
+        a, b = np.array(numbers).reshape(2, 3)
         z = (b - a) / np.linalg.norm(b - a)
         axes = np.array([np.zeros(3), np.zeros(3), z])
         reading.transforms.append(Axes(nodes, a, axes, True, card))

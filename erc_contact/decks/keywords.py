@@ -69,7 +69,12 @@ KEYWORDS = (
     _taken("ASSEMBLY", "parts in their places", OF_MESH),
     _taken("INSTANCE", "a part in its place", OF_MESH),
     _taken("MATERIAL", "a material", "`ec.Scene(material, ...)`"),
-    _taken("ELASTIC", "isotropic moduli, by temperature", "`ec.Elastic(E, nu)`"),
+    _taken(
+        "ELASTIC",
+        "isotropic moduli, by temperature; ORTHO, ENGINEERING CONSTANTS",
+        "`ec.Elastic(E, nu)`, `ec.OrthotropicElastic(E, nu, G)`",
+    ),
+    _taken("ORIENTATION", "rectangular axes of orthotropic moduli", "`axes=`"),
     _taken("EXPANSION", "isotropic thermal expansion", "`ec.ThermalStrain(alpha, T)`"),
     _taken("DENSITY", "mass per volume", "`ec.BodyForce`"),
     _taken(
@@ -144,7 +149,7 @@ KEYWORDS = (
     Keyword("PHYSICAL CONSTANTS", HARMLESS, "constants of heat and gravitation"),
     *_alike(
         HARMLESS,
-        "ORIENTATION, MATERIAL ORIENTATION, DISTRIBUTION",
+        "MATERIAL ORIENTATION, DISTRIBUTION",
         "axes, which isotropic materials do not need",
         "",
     ),

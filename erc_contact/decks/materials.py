@@ -10,6 +10,7 @@ import numpy as np
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.decks.heat import at_temperatures
+from erc_contact.decks.orthotropic import CONSTANTS, STIFFNESSES, read_orthotropic
 from erc_contact.decks.reading import (
     PLASTIC_STRAIN,
     DeckReading,
@@ -20,6 +21,7 @@ from erc_contact.decks.reading import (
 from erc_contact.decks.told import number_of, numbers_in
 from erc_contact.scene.hardening import HardeningCurve
 from erc_contact.scene.material import AXISYMMETRIC, PLANE_STRAIN, PLANE_STRESS, Elastic
+from erc_contact.scene.orthotropic import OrthotropicElastic
 from erc_contact.scene.plastic import Plastic
 from namedmesh.for_solvers import Card, DeckSpace
 
@@ -40,10 +42,15 @@ def read_material(reading: DeckReading, card: Card, space: DeckSpace) -> None:
 
 
 def read_elastic(reading: DeckReading, card: Card, space: DeckSpace) -> None:
-    """Read isotropic moduli, by temperature."""
+    """Read isotropic moduli, by temperature, or orthotropic moduli."""
     material = reading.below(card, MaterialCards, "MATERIAL")
-    if card.get("TYPE").upper() not in ISOTROPIC:
-        reading.told.refuse(card, f"TYPE={card.get('TYPE')}: isotropic elasticity alone is read.")
+    kind = card.get("TYPE").upper()
+    if kind not in (*ISOTROPIC, *STIFFNESSES, *CONSTANTS):
+        reading.told.refuse(
+            card, f"TYPE={card.get('TYPE')}: isotropic and orthotropic elasticity are read."
+        )
+    elif material and kind not in ISOTROPIC:
+        read_orthotropic(reading, card, material)
     elif material:
         material.elastic = [numbers_in(card, line) for line in range(len(card.lines))]
 
@@ -112,7 +119,8 @@ def read_section(reading: DeckReading, card: Card, space: DeckSpace) -> None:
     if card.has("COMPOSITE"):
         reading.told.refuse(card, "COMPOSITE layers are not read.")
         return
-    section = SolidSection(elset, cells, card.get("MATERIAL").upper(), thickness, card)
+    names = card.get("MATERIAL").upper(), card.get("ORIENTATION").upper()
+    section = SolidSection(elset, cells, names[0], thickness, card, names[1])
     reading.sections.append(section)
 
 
@@ -173,7 +181,11 @@ def thickened(material: MaterialCards, share: float) -> MaterialCards:
     elastic = [[E * share, *others] for E, *others in material.elastic]
     plastic = [[stress * share, *others] for stress, *others in material.plastic]
     density = None if material.density is None else material.density * share
-    return replace(material, elastic=elastic, plastic=plastic, density=density)
+    law: Any = material.orthotropic
+    if law is not None:
+        E, G = (tuple(share * modulus for modulus in moduli) for moduli in (law.E, law.G))
+        law = replace(law, E=E, G=G)
+    return replace(material, elastic=elastic, plastic=plastic, density=density, orthotropic=law)
 
 
 def material_of(
@@ -184,6 +196,10 @@ def material_of(
 ) -> Any:
     """Return a material of a scene; None if it is refused."""
     told = reading.told
+    if material.orthotropic is not None:
+        if material.plastic:
+            told.refuse(material.card, f"{material.name!r}: *PLASTIC is read of isotropic moduli.")
+        return replace(material.orthotropic, hypothesis=hypothesis)
     if not material.elastic or not material.elastic[0]:
         told.refuse(material.card, f"{material.name!r} has no *ELASTIC; give E and nu.")
         return None
@@ -247,6 +263,9 @@ def eigenstrains_of(
             result[region] = tensor
             continue
         material = materials[region]
+        if isinstance(material, OrthotropicElastic):
+            reading.told.refuse(card, "its material is orthotropic.")
+            continue
         if callable(material.E) or callable(material.nu):
             reading.told.refuse(card, "its material has moduli that vary in the body.")
             continue

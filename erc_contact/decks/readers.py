@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from erc_contact.decks import conditions, interfaces, materials
+from erc_contact.decks import conditions, interfaces, materials, orthotropic
 from erc_contact.decks.keywords import BY_NAME, HARMLESS, REFUSED, squeezed
 from erc_contact.decks.reading import DeckReading
 from erc_contact.decks.told import Told
@@ -20,6 +20,7 @@ READERS: dict[str, Reader] = {
     "DENSITY": materials.read_density,
     "PLASTIC": materials.read_plastic,
     "SOLID SECTION": materials.read_section,
+    "ORIENTATION": orthotropic.read_orientation,
     "AMPLITUDE": conditions.read_amplitude,
     "STEP": conditions.read_step,
     "STATIC": conditions.read_static,

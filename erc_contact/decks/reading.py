@@ -9,6 +9,7 @@ import numpy as np
 
 from erc_contact.decks.histories import Amplitude, Steps
 from erc_contact.decks.told import Told
+from erc_contact.scene.orthotropic import OrthotropicElastic
 from namedmesh.for_solvers import Card, DeckMesh, DeckSpace
 
 TINY = 1e-300
@@ -34,6 +35,7 @@ class MaterialCards:
         density: Mass per volume; None if it has none.
         plastic: Rows yield stress, plastic strain and temperature.
         kinematic: Whether the hardening is kinematic.
+        orthotropic: Its law if its moduli are orthotropic.
     """
 
     name: str
@@ -44,6 +46,7 @@ class MaterialCards:
     density: float | None = None
     plastic: list[list[float]] = field(default_factory=list)
     kinematic: bool = False
+    orthotropic: OrthotropicElastic | None = None
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,7 @@ class SolidSection:
         material: Name of the material in capitals.
         thickness: Thickness of plane elements [length].
         card: The card.
+        orientation: Name of its axes in capitals, "" for the axes of the mesh.
     """
 
     elset: str
@@ -63,6 +67,7 @@ class SolidSection:
     material: str
     thickness: float
     card: Card
+    orientation: str = ""
 
 
 @dataclass
@@ -215,6 +220,7 @@ class DeckReading:
     current: Any = None
     materials: dict[str, MaterialCards] = field(default_factory=dict)
     sections: list[SolidSection] = field(default_factory=list)
+    orientations: dict[str, Card] = field(default_factory=dict)
     amplitudes: dict[str, Amplitude] = field(default_factory=dict)
     interactions: dict[str, Interaction] = field(default_factory=dict)
     facings: list[Facing] = field(default_factory=list)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from erc_contact.decks.materials import thickened
+from erc_contact.decks.orthotropic import turned
 from erc_contact.decks.reading import DeckReading, MaterialCards, Tensor
 
 
@@ -39,7 +40,7 @@ def regions_of(reading: DeckReading) -> tuple[dict[str, np.ndarray], dict[str, M
     names = _names(reading, [int(section) for section in found[:, 0]], members)
     regions = dict(zip(names, members, strict=True))
     materials = {}
-    made: dict[tuple[str, float], MaterialCards] = {}
+    made: dict[tuple[str, float, str], MaterialCards] = {}
     for name, number in zip(names, found[:, 0], strict=True):
         section = reading.sections[number]
         material = reading.materials.get(section.material)
@@ -47,8 +48,11 @@ def regions_of(reading: DeckReading) -> tuple[dict[str, np.ndarray], dict[str, M
             reading.told.refuse(section.card, f"no *MATERIAL is called {section.material!r}.")
             return {}, {}
         share = float(reading.shares[regions[name][0]])
-        key = (section.material, share)
-        materials[name] = made.setdefault(key, thickened(material, share))
+        axes = section.orientation if material.orthotropic else ""
+        key = (section.material, share, axes)
+        if key not in made:
+            made[key] = turned(reading, thickened(material, share), section)
+        materials[name] = made[key]
     return regions, materials
 
 

@@ -47,6 +47,7 @@ from erc_contact.error.transfer import gain_in_file, transfer_squares
 from erc_contact.model.contact.contact_values import gap_at_nodes
 from erc_contact.model.contact.trace import split
 from erc_contact.model.files import interpolated
+from erc_contact.model.given_forces import stressed_sides
 from erc_contact.model.law.constitution import act
 from erc_contact.model.model import Model
 from erc_contact.model.promises import bind
@@ -401,13 +402,20 @@ def _greatest_penetration(model: Model, u: fem.Function) -> float:
 
 
 def _refuse_unknown_shifts(scene: Scene) -> None:
-    """Refuse a scene with preloads whose shift is to be found by a solution.
+    """Refuse a scene with shifts that are to be found by a solution.
 
     Raises:
         InputError: If it has any.
     """
     preloads = [tie for tie in scene.ties if isinstance(tie, Preload)]
     unknown = [tie.facets for tie in preloads if tie.shortening is None]
+    stressed = [sides.facets for sides in stressed_sides(scene.contacts)]
+    if stressed:
+        raise InputError(
+            f"certify: the mean strain of the periodic sides at {stressed} is not known; give"
+            " mean_strain= as the other code has it, or solve the scene with ec.adapt, which finds"
+            " it."
+        )
     if unknown:
         raise InputError(
             f"certify: the shifts of the preloads at {unknown} are not known; give the file of the "

@@ -18,6 +18,7 @@ from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.trace import split
 from erc_contact.model.contact_area import ContactArea
 from erc_contact.model.contact_force import ContactForce
+from erc_contact.model.copies import mean_strain
 from erc_contact.model.forces import Force, body_force, by_cause, nodal_reactions, part_force
 from erc_contact.model.greatest import find_maximum
 from erc_contact.model.maximum import Maximum
@@ -230,6 +231,20 @@ class Solution:
         shift = self._preload(part).shortening
         assert shift is not None
         return float(shift)
+
+    def mean_strain(self, part: str) -> np.ndarray:
+        """Return the mean strain across periodic sides, given or found; collective.
+
+        It is ``E t/|t|`` of the translation t between the sides [-], shape (d,): of
+        sides across x the column (E_xx, E_xy) of E in the plane.
+
+        Args:
+            part: Name of either side.
+
+        Raises:
+            InputError: If no periodic sides have this part.
+        """
+        return mean_strain(self.model.space, self.scene.contacts, part)
 
     def bolt_force(self, part: str) -> float:
         """Return the force of a preload along its axis, in tension > 0; collective.

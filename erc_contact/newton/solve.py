@@ -27,26 +27,27 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import NotConverged, raise_together
 from erc_contact.base.logs import log_of
 from erc_contact.base.progress import stage
+from erc_contact.model.given_forces import stiffnesses
 from erc_contact.model.model import Model
 from erc_contact.model.promises import bind, bind_nearby
 from erc_contact.newton.after import check_after, last_step
 from erc_contact.newton.arguments import check_arguments
 from erc_contact.newton.contact_solve import solution_of
 from erc_contact.newton.direct import Direct
+from erc_contact.newton.given_forces import (
+    seeks_shifts,
+    shifts_in,
+    solved_with_forces,
+    sought_forces,
+    with_locked_shifts,
+    without_shifts,
+)
 from erc_contact.newton.iterative import Iterative
 from erc_contact.newton.ladder import NODAL
 from erc_contact.newton.law import solution_of_law
 from erc_contact.newton.linear.choice import STANDS_BY, direct_over_multigrid
 from erc_contact.newton.methods import Method
 from erc_contact.newton.plausibility import doubts, tell
-from erc_contact.newton.preload import (
-    shank_stiffness,
-    shifts_in,
-    solved_with_forces,
-    with_forces,
-    with_locked_shifts,
-    with_shifts,
-)
 from erc_contact.newton.solution import Solution
 from erc_contact.scene.scene import Scene
 from namedmesh import Domain
@@ -152,7 +153,7 @@ def solve_quietly(
         tolerance = checks.positive("tolerance", tolerance, "an energy norm > 0, or None")
     raise_together(domain.comm, None)
     scene = with_locked_shifts(scene, after)
-    if with_forces(scene):
+    if seeks_shifts(scene):
         return _solved_with_forces(
             scene, domain, method, degree=degree, after=after, start=start, solver=solver
         )
@@ -208,20 +209,19 @@ def _solved_with_forces(
     start: Solution | None,
     solver: str,
 ) -> Solution:
-    """Solve a scene in which forces of preloads are given; collective."""
+    """Solve a scene with preloads by a force, or mean stresses; collective."""
     began = perf_counter()
-    names = [preload.facets for preload in with_forces(scene)]
     known: dict[str, float] = {}
     for solution in (after, start):
         if solution is not None:
             known |= shifts_in(solution.scene)
-    shifts = np.array([known.get(name, 0.0) for name in names])
-    if not shifts.all():
-        unmoved = with_shifts(scene, dict.fromkeys(names, 0.0))
-        before = None if after is None else last_step(after)
-        shanks = shank_stiffness(bind(unmoved, domain, degree, before), names)
-        forces = np.array([preload.force for preload in with_forces(scene)])
-        shifts = np.where(shifts == 0.0, forces / shanks, shifts)
+    before = None if after is None else last_step(after)
+    unmoved = bind(without_shifts(scene), domain, degree, before)
+    sought = sought_forces(scene, unmoved)
+    forces = np.array([given.force for given in sought])
+    guesses = forces / stiffnesses(unmoved.space, sought)
+    shifts = np.array([known.get(given.name, 0.0) for given in sought])
+    shifts = np.where(shifts == 0.0, guesses, shifts)
 
     arguments: dict[str, Any] = {"degree": degree, "after": after, "start": start}
     arguments |= {"tolerance": None, "solver": solver}
@@ -230,7 +230,7 @@ def _solved_with_forces(
     def solve_near(scene: Scene, near: Solution) -> Solution:
         return Nearby(near, solver, after).solve(scene)
 
-    solution, first = solved_with_forces(scene, shifts, solve, solve_near)
+    solution, first = solved_with_forces(scene, sought, shifts, solve, solve_near)
     stiffness = solution.stiffness
     is_linear = solution.model.linearised is None
     if is_linear and stiffness.iterative == first.stiffness.iterative:
@@ -270,11 +270,12 @@ class Nearby:
         if near.model.linearised is not None:
             # A potential is linearised anew, so that no factor fits.
             return self._solve_anew(scene)
-        if with_forces(scene):
+        if seeks_shifts(scene):
             known = shifts_in(near.scene)
-            shifts = np.array([known[preload.facets] for preload in with_forces(scene)])
+            sought = sought_forces(scene, near.model)
+            shifts = np.array([known[given.name] for given in sought])
             solution, _ = solved_with_forces(
-                scene, shifts, self.solve, lambda moved, _: self.solve(moved)
+                scene, sought, shifts, self.solve, lambda moved, _: self.solve(moved)
             )
             return solution
         model = bind_nearby(scene, self._model)

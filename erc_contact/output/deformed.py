@@ -22,6 +22,7 @@ import numpy as np
 from erc_contact.admissible.pair import Admissible
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.runs import Run, error_of
+from erc_contact.model.copies import shown_copies
 from erc_contact.model.stress import tells_out_of_plane
 from erc_contact.output.apart import greatest_gap, greatest_share, pairs_of, shifts
 from erc_contact.output.drawing import only_turned, weighted_level
@@ -61,6 +62,7 @@ from namedmesh.pictures import (
     ShownPart,
     Skin,
     draw_figure,
+    images,
     only_in_2d,
     outline,
     sample,
@@ -88,6 +90,7 @@ def draw_deformed(
     pull: float | None = None,
     stress: str = "admissible",
     mirrored: bool = False,
+    whole: bool = False,
     ax: Any = None,
 ) -> Any:
     """Draw the deformed body on its foundation, or several bodies; collective.
@@ -125,6 +128,8 @@ def draw_deformed(
         stress: "admissible" for sigma^, "best" for the mean of sigma^ and C eps(u^),
             whose error is known best, "elastic" for C eps(u^).
         mirrored: Whether an axisymmetric body is drawn on both sides of its axis.
+        whole: Whether the copies are drawn, too, that make the whole of a body with
+            planes of symmetry or sectors; of periodic sides the next copies.
         ax: Axes of matplotlib to draw on, in 2D; by default of a new figure.
 
     Returns:
@@ -132,7 +137,8 @@ def draw_deformed(
 
     Raises:
         InputError: If the distance is not > 0, the stress is another one, axes are
-            given in 3D, or a body is to be mirrored that is not axisymmetric.
+            given in 3D, a body is to be mirrored that is not axisymmetric, or the whole
+            of a body that has no copies.
     """
     error = error_of(error)
     admissible = error.admissible
@@ -142,6 +148,7 @@ def draw_deformed(
         positive("draw_deformed: pull", pull, "a distance > 0 [length], or None")
     if mirrored:
         only_turned("draw_deformed: mirrored", space)
+    copies = shown_copies(model, "draw_deformed: whole") if whole else []
     # All ranks ask for the size, which is collective; rank 0 alone draws.
     size = model.domain.extent
     d = space.d
@@ -176,14 +183,18 @@ def draw_deformed(
         if only_round_off or colours.max() <= least:
             colours = 0 * colours
         closed = _closed_lines(contacts, x)
-        lines = outline(body, d) + closed
+        # Copies move as the body is drawn, with their magnified jump.
+        motions = [(turn, shift + times * jump) for (turn, shift), jump in copies[1:]]
+        before = outline(body, d)
+        lines = [*before, *images(before, [motion for motion, _ in copies[1:]])]
+        lines += [*closed, *images(closed, motions)]
         grounds = _grounds(foundations, times, size, float(np.ptp(x, axis=0).max()))
         title = _title(contacts, foundations, times, size, pull)
         if closed:
             title += colours_in_words(contacts)
         views = views_of(d, up)
         drawn = (skin, x, colours, scale, views, lines, grounds, title, letters)
-        return draw_map(ax, *drawn, mirrored=mirrored)
+        return draw_map(ax, *drawn, mirrored=mirrored, motions=motions)
 
     return draw_figure(space.comm, path, ax, draw, model.scene.label)
 

@@ -15,8 +15,8 @@ from namedmesh.pictures import (
     ShownPart,
     Skin,
     corners_seen,
+    images,
     limits,
-    mirror_images,
     new_figure,
     show,
 )
@@ -67,6 +67,7 @@ def draw_map(
     letters: str = "xyz",
     *,
     mirrored: bool = False,
+    motions: Sequence[tuple[np.ndarray, np.ndarray]] = (),
     window: np.ndarray | None = None,
 ) -> Any:
     """Draw a body with coloured elements and a colour bar in axes.
@@ -79,13 +80,15 @@ def draw_map(
             :meth:`Skin.of_parts`.
         scale: Their colours.
         views: The views, from :func:`views_of`.
-        lines: Lines that are drawn on the body.
+        lines: Lines that are drawn on the body and its copies.
         grounds: Parts of foundations, from :func:`ground`. In 3D only the view from
             above has them, because they hide the contact.
         title: Title of the body, in 3D of both views.
         letters: Names of the coordinates.
         mirrored: Whether the mirror image at the axis is drawn, too, as of a turned
             body that is cut along its axis.
+        motions: R, shape (3, 3), and t [length], shape (3,), of the copies of body and
+            foundations that are drawn, too.
         window: Low and high corner of what is shown in the plane [length], shape (2,
             2); None shows all.
     """
@@ -97,10 +100,12 @@ def draw_map(
     parts = [skin.faces(x, scalars=rgb, rgb=True, preference="cell")]
     if skin.cell.max() < FEW_CELLS:
         parts.append(skin.edges(x, color="#404040", opacity=0.4, line_width=0.8))
-    parts += lines
+    parts = [*parts, *images(parts, motions), *lines]
+    grounds = [*grounds, *images(grounds, motions)]
     if mirrored:
-        parts += mirror_images(parts)
-        grounds = [*grounds, *mirror_images(grounds)]
+        mirror = [(np.diag([-1.0, 1.0, 1.0]), np.zeros(3))]
+        parts += images(parts, mirror)
+        grounds += images(grounds, mirror)
     shown = {}
     corners = []
     for name, view in views.items():

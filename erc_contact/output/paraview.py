@@ -12,6 +12,7 @@ element of the relative error.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ import numpy as np
 
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.runs import Run, error_of
+from erc_contact.model.copies import Motion, shown_copies
 from erc_contact.output.files import PARTS, save_grid
 from erc_contact.output.gathered import WholeContact, body_nodes, nodal_displacement, whole_contact
 from erc_contact.results.states import state, states_of
@@ -30,7 +32,9 @@ from namedmesh.pictures import grid_of, on_root, subdivide
 from namedmesh.simplex import bernstein, lagrange, nodes
 
 
-def write_fields(error: ConstitutiveError | Run, folder: str | Path) -> None:
+def write_fields(
+    error: ConstitutiveError | Run, folder: str | Path, *, whole: bool = False
+) -> None:
     """Write the fields for ParaView as VTKHDF files; collective.
 
     ``body.vtkhdf`` has at the nodes
@@ -80,8 +84,11 @@ def write_fields(error: ConstitutiveError | Run, folder: str | Path) -> None:
     Args:
         error: The error with its admissible pair, or a history.
         folder: Folder of the files, which is made if it is missing.
+        whole: Whether ``body.vtkhdf`` has the copies, too, that make the whole of a
+            body with planes of symmetry or sectors; of periodic sides the next copies.
 
     Raises:
+        InputError: If the whole is asked for of a body that has no copies.
         OSError: If a file cannot be written.
     """
     error = error_of(error)
@@ -94,11 +101,13 @@ def write_fields(error: ConstitutiveError | Run, folder: str | Path) -> None:
         fields[name] = values.reshape(-1, 9) if shape else values
     cells = gather_rows(space.comm, **fields, eps_E=error.indicators)
     contacts = [whole_contact(admissible, traction) for traction in admissible.tractions_per_area]
+    copies = shown_copies(error.model, "write_fields: whole") if whole else []
 
     def write() -> None:
-        grid = grid_of(body["points"], body["cells"], space.d)
-        grid.point_data["displacement"] = body["displacement"]
-        grid.cell_data.update(cells)
+        of_body, of_cells = _with_copies(body, cells, copies) if copies else (body, cells)
+        grid = grid_of(of_body["points"], of_body["cells"], space.d)
+        grid.point_data["displacement"] = of_body["displacement"]
+        grid.cell_data.update(of_cells)
         save_grid(grid, Path(folder) / "body.vtkhdf")
         for contact in contacts:
             assert contact is not None
@@ -107,6 +116,38 @@ def write_fields(error: ConstitutiveError | Run, folder: str | Path) -> None:
             save_grid(_contact_grid(contact), Path(folder) / file, part=name)
 
     on_root(space.comm, Path(folder) / "body.vtkhdf", write)
+
+
+def _with_copies(
+    body: dict[str, np.ndarray],
+    cells: dict[str, np.ndarray],
+    copies: Sequence[tuple[Motion, np.ndarray]],
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Return points, cells and fields of copies of a body, one after the other.
+
+    Args:
+        body: "points" and "displacement" [length], and "cells".
+        cells: Fields in the cells: numbers, and tensors of nine columns.
+        copies: From :func:`erc_contact.model.copies.shown_copies`.
+    """
+    parts: dict[str, list[np.ndarray]] = {name: [] for name in (*body, *cells)}
+    for number, ((turn, shift), jump) in enumerate(copies):
+        parts["points"].append(body["points"] @ turn.T + shift)
+        parts["displacement"].append(body["displacement"] @ turn.T + jump)
+        parts["cells"].append(body["cells"] + number * len(body["points"]))
+        for name, values in cells.items():
+            parts[name].append(_turned(values, turn))
+    whole = {name: np.concatenate(arrays) for name, arrays in parts.items()}
+    return {name: whole[name] for name in body}, {name: whole[name] for name in cells}
+
+
+def _turned(values: np.ndarray, turn: np.ndarray) -> np.ndarray:
+    """Return numbers as they are, and tensors (n, 9) turned; what is nan stays so."""
+    if values.ndim == 1:
+        return values
+    tensors = np.nan_to_num(values).reshape(-1, 3, 3)
+    turned = (turn @ tensors @ turn.T).reshape(values.shape)
+    return np.where(np.isnan(values), np.nan, turned)
 
 
 def _contact_grid(surface: WholeContact) -> Any:

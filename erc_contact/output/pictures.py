@@ -15,6 +15,7 @@ import numpy as np
 from erc_contact.admissible.pair import Admissible, pair_of
 from erc_contact.error.constitutive import ConstitutiveError
 from erc_contact.error.runs import Run, error_of
+from erc_contact.model.copies import shown_copies
 from erc_contact.output.drawing import only_turned
 from erc_contact.output.gallery import Gallery
 from erc_contact.output.gathered import letters_of, upward
@@ -32,6 +33,7 @@ def draw_error(
     *,
     near: str | None = None,
     mirrored: bool = False,
+    whole: bool = False,
     ax: Any = None,
 ) -> Any:
     """Draw the error of each element on a logarithmic colour scale; collective.
@@ -44,6 +46,7 @@ def draw_error(
         near: Name of a contact, in the plane: the picture shows what is closed and what
             has yielded there, with three quarters as much beside it; None for all.
         mirrored: Whether an axisymmetric body is drawn on both sides of its axis.
+        whole: Whether its copies are drawn, too, see :func:`draw_deformed`.
         ax: Axes of matplotlib to draw on, in 2D; by default of a new figure.
 
     Returns:
@@ -69,7 +72,8 @@ def draw_error(
         return Scale(norm, "min", "error of elements [%], log scale")
 
     percents = 100 * error.indicators
-    return draw_cells(error.admissible, percents, scale, path, ax, mirrored=mirrored, window=window)
+    drawn = (error.admissible, percents, scale, path, ax)
+    return draw_cells(*drawn, mirrored=mirrored, whole=whole, window=window)
 
 
 def draw_state(
@@ -79,6 +83,7 @@ def draw_state(
     *,
     near: str | None = None,
     mirrored: bool = False,
+    whole: bool = False,
     ax: Any = None,
 ) -> Any:
     """Draw a number that the body remembers in each element; collective.
@@ -91,6 +96,7 @@ def draw_state(
         path: Picture file, or None.
         near: Name of a contact that fills the picture, see :func:`draw_error`.
         mirrored: Whether an axisymmetric body is drawn on both sides of its axis.
+        whole: Whether its copies are drawn, too, see :func:`draw_deformed`.
         ax: Axes of matplotlib to draw on, in 2D; by default of a new figure.
 
     Returns:
@@ -116,7 +122,7 @@ def draw_state(
 
     zooms = near is None
     drawn = (pair, values, scale, path, ax)
-    return draw_cells(*drawn, mirrored=mirrored, zooms=zooms, window=window)
+    return draw_cells(*drawn, mirrored=mirrored, whole=whole, zooms=zooms, window=window)
 
 
 def add_states(gallery: Gallery, error: ConstitutiveError, code: str) -> None:
@@ -144,6 +150,7 @@ def draw_cells(
     ax: Any,
     *,
     mirrored: bool = False,
+    whole: bool = False,
     zooms: bool = False,
     window: np.ndarray | None = None,
 ) -> Any:
@@ -156,6 +163,7 @@ def draw_cells(
         path: Picture file, or None.
         ax: Axes of matplotlib to draw on, in 2D, or None.
         mirrored: Whether the mirror image at the axis is drawn, too.
+        whole: Whether the copies are drawn, too, that make the whole of the body.
         zooms: Whether a small part of a body in the plane fills the picture if all
             other values are small.
         window: Low and high corner of what is shown in the plane [length], shape (2,
@@ -170,6 +178,7 @@ def draw_cells(
     letters = letters_of(admissible.model.space)
     body = gather_rows(comm, **body_mesh(domain))
     cells = gather_rows(comm, values=values)
+    copies = shown_copies(admissible.model, "A picture of the whole") if whole else []
 
     def draw(ax: Any) -> Any:
         only_in_2d("A picture of a body", ax, domain.dim)
@@ -181,10 +190,17 @@ def draw_cells(
         if mirrored and shown_part is not None:
             low, high = shown_part
             shown_part = np.array([[-high[0], low[1]], high])
-        if zooms and domain.dim == 2 and not mirrored:
+        if zooms and domain.dim == 2 and not (mirrored or whole):
             zone = body["cells"][shown > YIELDED * shown.max()]
             corners = body["points"][zone].reshape(-1, 3)
             shown_part = window_around(corners, body["points"], body["points"])
-        return draw_map(ax, *values, letters=letters, mirrored=mirrored, window=shown_part)
+        return draw_map(
+            ax,
+            *values,
+            letters=letters,
+            mirrored=mirrored,
+            motions=[motion for motion, _ in copies[1:]],
+            window=shown_part,
+        )
 
     return draw_figure(comm, path, ax, draw, admissible.solution.scene.label)

@@ -1,10 +1,7 @@
 """Compute the forces of an admissible pair on the body, with their moments.
 
 Supports, contacts and loads exert them. Of a part of a symmetric body they are
-multiplied to forces on the whole body. The planes of symmetry of a scene make copies of
-the body by reflections, which form a group: of one plane 2, of two planes at a right
-angle 4, of two planes at 30 degrees 12. Cyclic sides make copies by turns, one for each
-sector.
+multiplied to forces on the whole body (:mod:`erc_contact.model.copies`).
 """
 
 from __future__ import annotations
@@ -17,17 +14,10 @@ import numpy as np
 from erc_contact.admissible.fields import sides_of
 from erc_contact.admissible.pair import Admissible, pair_of
 from erc_contact.base.exceptions import InputError
+from erc_contact.model.copies import closed_copies
 from erc_contact.model.forces import Force, by_cause, total_force
-from erc_contact.model.model import Model
-from erc_contact.model.space import Space
-from erc_contact.scene.contact import Symmetry
 from namedmesh.for_solvers import in_space
 from namedmesh.simplex import bernstein, coefficients, mass, nodes, of_facets
-
-MOST_COPIES = 400
-"""Number of copies beyond which the planes are taken not to close a body."""
-SAME_MOTION = 1e-6
-"""Difference of motions that counts as none, over the extent of the body [-]."""
 
 
 def force(result: Any, part: str) -> Force:
@@ -98,13 +88,18 @@ def whole_force(result: Any, part: str) -> Force:
         InputError: If the scene has none of them, or they do not close a body.
     """
     model = pair_of(result).model
+    copies = closed_copies(model, "whole_force")
+    if len(copies) == 1:
+        raise InputError(
+            "whole_force: this scene has no Symmetry and no Cyclic; force() has the force."
+        )
     of_part = force(result, part)
     d = model.space.d
     whole = np.zeros(d)
     moment = np.zeros(3)
     own_moment = np.zeros(3)
     own_moment[-len(of_part.moment) :] = of_part.moment
-    for linear, shift in _copies(model):
+    for linear, shift in copies:
         pulled = linear @ of_part.force
         turned = np.eye(3)
         turned[:d, :d] = linear
@@ -113,52 +108,3 @@ def whole_force(result: Any, part: str) -> Force:
         moment += np.linalg.det(linear) * (turned @ own_moment)
         moment += np.cross(*in_space(np.array([shift, pulled])))
     return Force(whole, moment[-len(of_part.moment) :], of_part.units)
-
-
-def _copies(model: Model) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return the motions ``x -> R x + t`` of the copies; collective."""
-    names = [entry.facets for entry in model.scene.contacts if isinstance(entry, Symmetry)]
-    steps = [_reflection(model, name) for name in names]
-    for pair in model.domain.periodic:
-        if pair.turns:
-            steps.append((np.array(pair.rotation), np.array(pair.shift)))
-    if not steps:
-        raise InputError(
-            "whole_force: this scene has no Symmetry and no Cyclic; force() has the force."
-        )
-    d = model.space.d
-    motions = [(np.eye(d), np.zeros(d))]
-    newest = motions
-    while newest:
-        further: list[tuple[np.ndarray, np.ndarray]] = []
-        for linear, shift in newest:
-            for step, offset in steps:
-                motion = step @ linear, step @ shift + offset
-                if not any(_same(model.space, motion, known) for known in motions + further):
-                    further.append(motion)
-        motions = motions + further
-        newest = further
-        if len(motions) > MOST_COPIES:
-            raise InputError(
-                "whole_force: the planes of symmetry do not close a body: the angle between two of"
-                " them is no whole fraction of 180 degrees, or they are parallel, or beside Cyclic"
-                " sides."
-            )
-    return motions
-
-
-def _reflection(model: Model, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return the linear part and the shift of a reflection; collective."""
-    trace = model.contact(name).trace
-    normals = model.space.comm.allgather(trace.direction[:1])
-    n = np.concatenate(normals)[0]
-    points = model.space.comm.allgather(trace.here.corners[:1, 0] @ n)
-    distance = np.concatenate(points)[0]
-    return np.eye(model.space.d) - 2 * np.outer(n, n), 2 * distance * n
-
-
-def _same(space: Space, first: tuple[Any, Any], second: tuple[Any, Any]) -> bool:
-    """Tell whether two motions are the same."""
-    turned = abs(first[0] - second[0]).max()
-    shifted = abs(first[1] - second[1]).max() / space.domain.extent
-    return bool(max(turned, shifted) < SAME_MOTION)

@@ -25,10 +25,10 @@ from erc_contact.error.constitutive import ConstitutiveError, constitutive_error
 from erc_contact.model.promises import bind
 from erc_contact.model.space import Space
 from erc_contact.newton.after import last_step
+from erc_contact.newton.given_forces import shifts_in, with_locked_shifts, with_shifts
 from erc_contact.newton.linear.loose_multigrid import multigrid_of
 from erc_contact.newton.linear.loose_stiffness import stiffness_of
 from erc_contact.newton.methods import Method
-from erc_contact.newton.preload import shifts_in, with_locked_shifts, with_shifts
 from erc_contact.newton.solution import Solution
 from erc_contact.output.gathered import body_nodes, nodal_displacement
 from erc_contact.results.stresses import cell_stresses

@@ -254,12 +254,12 @@ class Contact:
         """
         return None
 
-    def placed(self, pair: PeriodicPair, normal: np.ndarray) -> Contact:
+    def placed(self, pair: PeriodicPair, area: np.ndarray) -> Contact:
         """Return the contact with what its sides have on a mesh; sides of copies do.
 
         Args:
             pair: The sides with the motion between them.
-            normal: Mean normal out of the first side [-].
+            area: Area vector out of the first side [area].
         """
         return self
 

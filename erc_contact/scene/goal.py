@@ -319,21 +319,22 @@ class Functional:
 class StressIntensity:
     """Ask for a stress intensity factor at a crack tip, in the plane or of a ring.
 
-    Within the radius around the tip there must be nothing but the crack: two straight
-    faces behind the tip, in one isotropic material, without body forces and given
-    strains. A crack that bends needs a last piece that is straight and as long as the
-    radius. Loads on the faces are allowed. Faces may be in contact; where they touch
-    within the radius, the number is an estimate if their tractions have a part in it.
+    Within the radius around the tip there must be nothing but the crack: two faces
+    behind the tip, in one isotropic material, without body forces and given strains. In
+    the plane they may bend within the radius, away from the tip. Loads on the faces are
+    allowed. Faces may be in contact; where they touch within the radius, the number is
+    an estimate if their tractions have a part in it.
 
     Of axisymmetric bodies the tip is a ring in any direction: the rim of a penny crack,
-    a crack round a bar, a cylinder or a cone. The radius is less than the radius of the
-    ring, since the axis counts as a boundary. The unit is force/length^1.5, K_I of a
+    a crack round a bar, a cylinder or a cone. Within the radius it is straight, and the
+    axis counts as a boundary. The unit is force/length^1.5, K_I of a
     penny crack ``2 p sqrt(a/pi)``.
 
     Args:
         tip: Position of the tip [length], two numbers; of rings (r, z).
-        direction: Direction in which the crack points, away from its faces: two
-            numbers, of any length.
+        direction: Direction in which the crack points at its tip, away from its faces:
+            two numbers, of any length. Along a curve each mesh has its own; the last
+            facet counts where it is less than 11 degrees from the given direction.
         radius: Radius around the tip in which the stress is asked [length].
         mode: "I" for opening, "II" for sliding: K_II > 0 where the face on the left of
             the direction moves in it.
@@ -342,8 +343,9 @@ class StressIntensity:
         InputError: If an argument is none of these.
 
     Source: the derivative of the energy by a given strain around the tip, in the place
-    of the interaction integral, see ``erc_contact.error.goals.singular_strain`` and, of
-    rings, ``erc_contact.error.goals.ring_strain``.
+    of the interaction integral, see ``erc_contact.error.goals.singular_strain``, of
+    cracks that bend ``erc_contact.error.goals.bent_strain``, and of rings
+    ``erc_contact.error.goals.ring_strain``.
 
     Example:
         >>> ec.StressIntensity((0.5, 0.0), (1.0, 0.0), radius=0.3)

@@ -10,6 +10,10 @@ between both sides that sticks and cannot open, whatever the traction, whose oth
 is seen through the motion. So both sides are a contact of the scene: its multiplier is
 the traction, its admissible tractions are all that are opposite, and it adds nothing to
 e. No other stage knows copies.
+
+Where the mean stress S is given, components of the jump ``E t`` are unknown. They are
+shifts that are found for a force, as the shifts of preloads are: the side with the area
+vector a carries ``S a``.
 """
 
 from __future__ import annotations
@@ -46,6 +50,8 @@ class HeldTogether:
         return self.LIMIT
 
 
+ACROSS = 1e-8
+"""Component of a unit vector that counts as none [-]."""
 HELD = HeldTogether()
 """The law between copies of a body."""
 
@@ -81,19 +87,20 @@ class PeriodicSides(Contact):
         """Return the sides with the motion between them; collective."""
         raise NotImplementedError
 
-    def jump_of(self, pair: PeriodicPair) -> np.ndarray | None:
+    def jump_of(self, pair: PeriodicPair, area: np.ndarray) -> np.ndarray | None:
         """Return ``E t``, by how much more the next copy moves [length], or None."""
         return None
 
-    def placed(self, pair: PeriodicPair, normal: np.ndarray) -> Contact:
+    def placed(self, pair: PeriodicPair, area: np.ndarray) -> Contact:
         """Return the contact with what its sides have on a mesh.
 
         Args:
             pair: The sides with the motion between them.
-            normal: Mean normal out of the first side [-].
+            area: Area vector out of the first side [area].
         """
         contact = copy(self)
-        jump = self.jump_of(pair)
+        jump = self.jump_of(pair, area)
+        normal = area / np.linalg.norm(area)
         # The class is frozen, and a contact between bodies has no motion: only here.
         object.__setattr__(contact, "normal", tuple(normal.tolist()))
         if jump is not None:
@@ -113,58 +120,156 @@ class Periodic(PeriodicSides):
     stay free.
 
     The facets of both sides must match, as ``rectangle`` and ``box`` with ``cells=``
-    make them, and gmsh with ``setPeriodic``. Refinement keeps that; meshes that are
-    made anew are refused. Energies and e belong to one copy.
+    make them, and gmsh with ``setPeriodic``. Refinement keeps that, and gmsh meshes
+    both sides alike where a mesh is made anew. Energies and e belong to one copy.
 
     Args:
         facets: Name of a side.
         against: Name of the opposite side.
         mean_strain: E, rows of a symmetric matrix [-]; only ``E t`` counts. None is no
             strain.
+        mean_stress: S, rows of a symmetric matrix [force/area], positive in tension; an
+            entry None leaves the strain as it is given. A side carries ``S a``, where a
+            is the vector of its area: without holes in the sides S is the mean stress
+            of the copy. Strain components are found then, to eight digits of the force
+            on each mesh. Give all pairs of a scene the same S: forces that turn the
+            body are in no balance.
 
     Raises:
-        InputError: If these are no two names, or E is no symmetric matrix of numbers.
+        InputError: If these are no two names, E or S is no symmetric matrix of numbers,
+            or E is given where S is.
+
+    Source: sigma^ has the forces ``S a``. So e (16) bounds the error of the body with
+    this mean stress and the error of the body with the strain that is found; see
+    :class:`Preload`, whose shift is found likewise.
 
     Example:
         >>> ec.Periodic("left", "right", mean_strain=((0.001, 0.0), (0.0, 0.0)))
-        Periodic(facets='left', against='right', mean_strain=((0.001, 0.0), (0.0, 0.0)))
+        Periodic(facets='left', ..., mean_strain=((0.001, 0.0), (0.0, 0.0)), ...)
+        >>> ec.Periodic("left", "right", mean_stress=((5.0, None), (None, None)))
+        Periodic(facets='left', ..., mean_stress=((5.0, None), (None, None)))
     """
 
     mean_strain: Sequence[Numbers] | None = None
+    mean_stress: Sequence[Sequence[float | None]] | None = None
+    # The jump that was found for the mean stress [length].
+    found: tuple[float, ...] | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
         """Check the arguments."""
         super().__post_init__()
-        if self.mean_strain is None:
+        for name in ("mean_strain", "mean_stress"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, self._checked(name))
+        if self.mean_stress is None or self.mean_strain is None:
             return
-        what = f"Periodic({self.facets!r}): mean_strain"
-        rows: Any = check_strain(what, self.mean_strain)
+        strain, stress = np.array(self.mean_strain), np.array(self.mean_stress, dtype=float)
+        if strain.shape != stress.shape or (strain[~np.isnan(stress)] != 0.0).any():
+            raise InputError(
+                f"{self._what}: mean_strain is {self.mean_strain} and mean_stress"
+                f" {self.mean_stress}; give each component one of them: None in mean_stress where"
+                " the strain is given, and 0.0 in mean_strain where the stress is."
+            )
+
+    @property
+    def _what(self) -> str:
+        """Return the sides in words for messages."""
+        return f"Periodic({self.facets!r})"
+
+    def _checked(self, name: str) -> tuple[tuple[float | None, ...], ...]:
+        """Return the rows of a symmetric matrix; a stress may have None in it.
+
+        Raises:
+            InputError: If it is none.
+        """
+        value = getattr(self, name)
+        what = f"{self._what}: {name}"
+        zeros = _with_zeros(value) if name == "mean_stress" else value
+        rows: Any = check_strain(what, zeros)
         if not isinstance(rows, tuple) or any(callable(entry) for row in rows for entry in row):
             raise InputError(
-                f"{what} is {self.mean_strain!r}; give d rows of d numbers, e.g."
-                " ((0.001, 0.0), (0.0, 0.0)). In a history the scene is a function of time."
+                f"{what} is {value!r}; give d rows of d numbers, e.g. ((0.001, 0.0), (0.0, 0.0))."
+                " In a history the scene is a function of time."
             )
-        object.__setattr__(self, "mean_strain", rows)
+        given = np.array(value, dtype=float)
+        if (np.isnan(given) != np.isnan(given.T)).any():
+            raise InputError(f"{what} is {value!r}; give None on both sides of the diagonal.")
+        return tuple(tuple(row) for row in value)
 
     def pair_on(self, domain: Domain) -> PeriodicPair:
         """Return the sides with the translation between their centres; collective."""
         return translated(domain, self.facets, self.against)
 
-    def jump_of(self, pair: PeriodicPair) -> np.ndarray | None:
-        """Return ``E t`` [length], or None without a mean strain.
+    @property
+    def is_sought(self) -> bool:
+        """Tell whether the jump is to be found for the mean stress."""
+        return self.mean_stress is not None and self.found is None
+
+    def with_jump(self, jump: Numbers) -> Periodic:
+        """Return the sides with the jump that was found for S [length]."""
+        sides = copy(self)
+        object.__setattr__(sides, "found", tuple(map(float, jump)))
+        return sides
+
+    def is_free(self, pair: PeriodicPair, area: np.ndarray) -> np.ndarray:
+        """Tell which components of the jump are found for a mean stress, shape (d,).
+
+        Args:
+            pair: The sides with the translation between them.
+            area: Area vector of a side [area].
 
         Raises:
-            InputError: If E has not the dimension of the mesh.
+            InputError: If a component depends on strains and on stresses that are
+                given, or S has not the dimension of the mesh.
         """
-        if self.mean_strain is None:
-            return None
-        if len(self.mean_strain) != len(pair.shift):
+        d = len(area)
+        stress = np.full((d, d), np.nan)
+        if self.mean_stress is not None:
+            stress = np.array(self.mean_stress, dtype=float)
+        self._check_rows("mean_stress", len(stress), d)
+        counts = abs(np.array(pair.shift)) > ACROSS * np.linalg.norm(pair.shift)
+        counts |= abs(area) > ACROSS * np.linalg.norm(area)
+        is_given = ~np.isnan(stress[:, counts])
+        is_free: np.ndarray = is_given.all(axis=1)
+        if (is_given.any(axis=1) & ~is_free).any():
             raise InputError(
-                f"Periodic({self.facets!r}): mean_strain has {len(self.mean_strain)} rows, but the"
-                f" mesh is {len(pair.shift)}D: give {len(pair.shift)}."
+                f"{self._what}: mean_stress is {self.mean_stress}, and the sides are across no"
+                " axis, so that components mix; give all components of the mean stress."
             )
-        jump: np.ndarray = np.array(self.mean_strain, dtype=float) @ np.array(pair.shift)
-        return jump
+        return is_free
+
+    def jump_of(self, pair: PeriodicPair, area: np.ndarray) -> np.ndarray | None:
+        """Return ``E t`` [length], with what was found; None without a mean strain.
+
+        Raises:
+            InputError: If E or S has not the dimension of the mesh.
+        """
+        jump = None
+        if self.mean_strain is not None:
+            self._check_rows("mean_strain", len(self.mean_strain), len(area))
+            jump = np.array(self.mean_strain, dtype=float) @ np.array(pair.shift)
+        if self.found is None:
+            return jump
+        given = np.zeros(len(area)) if jump is None else jump
+        return np.where(self.is_free(pair, area), self.found, given)
+
+    def _check_rows(self, name: str, rows: int, d: int) -> None:
+        """Check that a matrix has the dimension of the mesh."""
+        if rows != d:
+            raise InputError(
+                f"{self._what}: {name} has {rows} rows, but the mesh is {d}D: give {d}."
+            )
+
+
+def _with_zeros(value: Any) -> Any:
+    """Return rows with zeros in place of None, and anything else itself."""
+    if not isinstance(value, Sequence | np.ndarray):
+        return value
+    rows = []
+    for row in value:
+        entries = row if isinstance(row, Sequence | np.ndarray) else (row,)
+        rows.append([0.0 if entry is None else entry for entry in entries])
+    return rows
 
 
 @dataclass(frozen=True)
@@ -177,9 +282,9 @@ class Cyclic(PeriodicSides):
     about the axis stay free, and in 3D translations along it.
 
     The facets of both sides must match, as gmsh makes them with ``setPeriodic``.
-    Refinement keeps that; meshes that are made anew are refused. Forces and energies
-    belong to one sector; :func:`erc_contact.results.whole_force` gives the forces on
-    all sectors.
+    Refinement keeps that, and gmsh meshes both sides alike where a mesh is made anew.
+    Forces and energies belong to one sector;
+    :func:`erc_contact.results.whole_force` gives the forces on all sectors.
 
     Args:
         facets: Name of a side.

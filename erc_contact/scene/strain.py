@@ -186,6 +186,6 @@ def check_strain(what: str, value: Any) -> Any:
             if abs(below - above) > tolerance:
                 raise InputError(
                     f"{what} has the components {above:g} and {below:g} at ({j}, {i})"
-                    f" and ({i}, {j}); a strain is symmetric, give half the shear angle twice."
+                    f" and ({i}, {j}); give a symmetric matrix, half the shear angle twice."
                 )
     return tuple(rows)

@@ -82,14 +82,22 @@ def corners_seen(parts: Sequence[ShownPart], view: np.ndarray) -> np.ndarray:
     return np.array([low - margin, high + margin])
 
 
-def mirror_images(parts: Sequence[ShownPart]) -> list[ShownPart]:
-    """Return the mirror images of parts at x = 0, the axis of turned bodies."""
-    images = []
-    for data, look in parts:
-        image = data.copy()
-        image.points[:, 0] *= -1
-        images.append((image, look))
-    return images
+def images(
+    parts: Sequence[ShownPart], motions: Sequence[tuple[np.ndarray, np.ndarray]]
+) -> list[ShownPart]:
+    """Return the images of parts by motions ``x -> R x + t``.
+
+    Args:
+        parts: The parts.
+        motions: R, shape (3, 3), and t, shape (3,), of each.
+    """
+    moved = []
+    for linear, shift in motions:
+        for data, look in parts:
+            image = data.copy()
+            image.points = np.asarray(data.points @ linear.T + shift)
+            moved.append((image, look))
+    return moved
 
 
 def render(pictures: Sequence[tuple[Sequence[ShownPart], np.ndarray]]) -> list[np.ndarray]:

@@ -32,7 +32,7 @@ AXES = {
     "curved facets": r"offset|corner_normals|turning|curved_facets|of_corners|gap_vectors|is_kinked",
     "bilateral": r"bilateral",
     "no friction": r"friction is (not )?None|\.friction\b(?! is)|depends_on_pressure|dependence",
-    "periodic": r"[pP]eriodic|\bpair\.(turns|axis)|frames is|self\.rotation|_turns is|turns_there|\bturns is|\.is_symmetry|HELD",
+    "periodic": r"[pP]eriodic|\bpair\.(turns|axis)|frames is|self\.rotation|_turns is|turns_there|\bturns is|\.is_symmetry|law is (not )?HELD",
     "preload": r"[pP]reload|bolts|\bshift is|shifts",
     "unheld": r"unheld|free_motions|\brelief\b|motions",
     "rigid faces": r"loose_faces|\bfaces\b|Rigid",

@@ -342,3 +342,50 @@ def test_the_scene_of_a_deck_is_written_as_code(read):
     by_code = ec.solve(scene, deck.domain).at((3.0, 4.0, 15.0)).displacement
     by_deck = ec.solve(deck.scene, deck.domain).at((3.0, 4.0, 15.0)).displacement
     assert np.allclose(by_code, by_deck, rtol=1e-12)
+
+
+ORTHOTROPIC = """*MATERIAL, NAME=O
+*ELASTIC, TYPE=ENGINEERING CONSTANTS
+1000., 500., 250., 0.2, 0.1, 0.3, 300., 200.,
+100.
+*ORIENTATION, NAME=TURNED
+0., 0., 1., 1., 0., 0.
+"""
+
+
+@pytest.mark.parametrize(("axes", "modulus"), [("", 250.0), (", ORIENTATION=turned", 1000.0)])
+def test_orthotropic_moduli_in_axes(read, axes, modulus):
+    """The first axis of the orientation is z, the second one x; the column has no friction."""
+    section = f"{ORTHOTROPIC}*SOLID SECTION, ELSET=Eall, MATERIAL=O{axes}\n"
+    held = "*BOUNDARY\nFoot, 3, 3\n1, 1, 2\n2, 2, 2\n*DSLOAD\nTop, P, -10.\n"
+    assert np.isclose(risen(read(step(held), section)), 10.0 * 20.0 / modulus)
+
+
+def test_the_stiffness_of_an_orthotropic_material(read):
+    law = ec.OrthotropicElastic((1000.0, 500.0, 250.0), (0.2, 0.1, 0.3), (300.0, 200.0, 100.0))
+    S = np.diag([1 / modulus for modulus in law.E])
+    for (i, j), ratio in zip(((0, 1), (0, 2), (1, 2)), law.nu, strict=True):
+        S[i, j] = S[j, i] = -ratio / law.E[i]
+    D = np.linalg.inv(S)
+    normal = [D[0, 0], D[0, 1], D[1, 1], D[0, 2], D[1, 2], D[2, 2]]
+    entries = ", ".join(f"{entry:.12g}" for entry in [*normal, *law.G[:2]])
+    cards = f"*MATERIAL, NAME=O\n*ELASTIC, TYPE=ORTHO\n{entries},\n{law.G[2]}, 294.\n"
+    section = f"{cards}*SOLID SECTION, ELSET=Eall, MATERIAL=O\n"
+    found = read(step(FIXED + "*DSLOAD\nTop, P, -10."), section).scene.material
+    assert pytest.approx(law.E) == found.E
+    assert found.nu == pytest.approx(law.nu)
+    assert found.G == law.G
+
+
+@pytest.mark.parametrize(
+    ("card", "words"),
+    [
+        ("*ORIENTATION, NAME=Other\n1., 0., 0., 0., 1., 0.", "is called 'A'"),
+        ("*ORIENTATION, NAME=A, SYSTEM=CYLINDRICAL\n0., 0., 0., 0., 0., 1.", "rectangular axes"),
+        ("*ORIENTATION, NAME=A\n1., 0., 0., 0., 1., 0.\n3, 30.", "second line"),
+    ],
+)
+def test_axes_that_are_refused(read, card, words):
+    section = f"{ORTHOTROPIC}{card}\n*SOLID SECTION, ELSET=Eall, MATERIAL=O, ORIENTATION=A\n"
+    with pytest.raises(ec.InputError, match=words):
+        read(step(FIXED), section)

@@ -3,12 +3,14 @@
 - Stress and compliance are the matrices of engineering constants, turned by numpy.
 - A bar of wood that is pulled at an angle to its fibres: Lekhnitskii's modulus.
 - Equal axes are isotropic elasticity, also beside an elastic region.
+- Intervals of energies of rings and in 3D, beside an elastic region, on any ranks.
 - What is refused: no positive energy, axes that are none, an axis in the plane.
 """
 
 import numpy as np
 import pytest
 from domains import refused
+from mpi4py import MPI
 from scenes import certified
 
 import erc_contact as ec
@@ -86,6 +88,37 @@ def test_equal_axes_beside_an_elastic_region():
         error = certified(ec.Scene({"low": low, "high": steel}, push, contacts=contact), slab)
         found.append([error.relative, *error.force("bottom").force])
     assert found[1] == pytest.approx(found[0], rel=1e-6)
+
+
+def layered(kind: str, comm: MPI.Comm) -> tuple[ec.Scene, ec.Domain]:
+    """An orthotropic layer below an elastic one, pressed on a foundation."""
+    d, hypothesis = (3, "plane strain") if kind == "space" else (2, kind)
+    make = ec.box if d == 3 else ec.rectangle
+    body = make((0.0,) * d, (1.0,) * d, cells=(2,) * d, comm=comm)
+    height = {2: "y", 3: "z"}[d]
+    layers = {"low": {height: (None, 0.5)}, "high": {height: (0.5, None)}}
+    body = body.named(regions={name: ec.where(**where) for name, where in layers.items()})
+    c, s = np.cos(0.5), np.sin(0.5)
+    axes = ((c, s, 0.0), (-s, c, 0.0), (0.0, 0.0, 1.0))
+    laws = {
+        "low": ec.OrthotropicElastic(E, NU, G, axes, hypothesis),
+        "high": ec.Elastic(2000.0, 0.3, hypothesis=hypothesis),
+    }
+    push = (None if kind == "axisymmetric" else 0.002, *(0.0,) * (d - 2), -0.01)
+    contact = ec.Contact("bottom", friction=ec.Tresca(1.0))
+    return ec.Scene(laws, ec.Displacement("top", push), contacts=contact), body
+
+
+@pytest.mark.parametrize("kind", ["axisymmetric", "space"])
+def test_energies_beside_an_elastic_region(kind):
+    """The interval of a finer mesh lies in the first one; it is the same on any ranks."""
+    scene, body = layered(kind, MPI.COMM_WORLD)
+    bounds = [ec.potential_energy(certified(scene, domain)) for domain in (body, body.refined())]
+    assert all(each.guaranteed for each in bounds)
+    coarse, fine = bounds
+    assert coarse.low < fine.low < fine.high < coarse.high
+    alone = ec.potential_energy(certified(*layered(kind, MPI.COMM_SELF)))
+    assert [coarse.low, coarse.high] == pytest.approx([alone.low, alone.high], rel=1e-9)
 
 
 @pytest.mark.serial

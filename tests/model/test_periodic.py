@@ -1,6 +1,7 @@
 """Periodic and cyclic sides: one copy of a body stands for all.
 
-Properties: a laminate is exact, and its stiffness is the closed form; a sector has the
+Properties: a laminate is exact, and its stiffness is the closed form, by strains and by
+stresses; sigma^ has a mean stress that is given to round-off; a sector has the
 displacement of the whole disc; u^ fits across the sides and the tractions are opposite,
 to round-off; the intervals of the energy hold the energies of finer meshes; motions that
 copies leave free are free; a wavy surface has Westergaard's contact; ranks, solvers and
@@ -128,6 +129,32 @@ def test_a_laminate_is_exact(d, degree):
     assert_fits(error)
 
 
+def stressed(d, stress):
+    """The sides of a brick whose copies have a mean stress."""
+    return [ec.Periodic(*names, mean_stress=stress) for names in SIDES[:d]]
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_a_mean_stress_gives_the_strain_that_has_it(d):
+    """A part of it: the other components of the strain are given."""
+    strain = np.array([[0.01, 0.004, -0.003], [0.004, 0.0, 0.0], [-0.003, 0.0, 0.005]])[:d, :d]
+    laminate, domain = ec.Elastic(MODULI, RATIOS), brick((2, 2, 1)[:d])
+    by_strain = certified(ec.Scene(laminate, periodic(d, strain.tolist())), domain, ec.Nitsche())
+    sides = ["right", "top"] if d == 2 else ["right", "back", "top"]
+    stress = np.array([by_strain.force(name).force for name in sides]).tolist()
+    stress[1][1] = None
+    by_stress = certified(ec.Scene(laminate, stressed(d, stress)), domain, ec.Nitsche())
+    for name, column in zip(sides, strain, strict=True):
+        assert np.allclose(by_stress.solution.mean_strain(name), column, rtol=0, atol=1e-9)
+    assert by_stress.relative < 1e-7
+    # The forces that are given do work on the strain.
+    work = sum(s * e for s, e in zip(np.ravel(stress), np.ravel(strain), strict=True) if s)
+    energies = [ec.potential_energy(error) for error in (by_strain, by_stress)]
+    assert np.isclose(energies[1].value, energies[0].value - work, rtol=1e-9)
+    assert energies[1].guaranteed
+    assert_fits(by_stress)
+
+
 # -- sectors
 # ---------------------------------------------------------------------------------------------------
 
@@ -251,14 +278,14 @@ def test_a_wavy_surface_has_the_contact_of_westergaard(moved):
 
 
 def random_scene(rng):
-    """A random frictionless scene of copies: a mean strain, a load, or a wavy contact."""
+    """A random frictionless scene of copies: a mean strain or stress, a load, or a wavy contact."""
     kind = rng.integers(3)
     if kind == 0:
-        strain = rng.normal(size=(2, 2)) * 0.01
+        mean = rng.normal(size=(2, 2)) * 0.01
         wave = rng.uniform(0.2, 0.9)
         modulus = lambda x: 1 + wave * ufl.sin(2 * np.pi * (x[0] + x[1]))  # noqa: E731
-        scene = ec.Scene(ec.Elastic(modulus, 0.3), periodic(2, (strain + strain.T).tolist()))
-        return scene, brick((3, 3))
+        sides = (periodic, stressed)[rng.integers(2)](2, (mean + mean.T).tolist())
+        return ec.Scene(ec.Elastic(modulus, 0.3), sides), brick((3, 3))
     if kind == 1:
         return wavy(rng.uniform(0.1, 1.2), moved=rng.uniform(), cells=(4, 6))
     loads = [
@@ -269,7 +296,7 @@ def random_scene(rng):
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(8))
 def test_bounds_of_the_energy_hold(seed):
     scene, domain = random_scene(np.random.default_rng(seed))
     coarse = ec.potential_energy(certified(scene, domain, AUGMENTED))
@@ -304,12 +331,13 @@ def test_ranks_without_sides_of_copies():
         strip = ec.rectangle((0.0, 0.0), (12.0, 1.0), cells=(36, 3), comm=comm)
         pressed = ec.Traction("top", pressure=lambda x: 0.01 + 0.002 * ufl.cos(np.pi * x[0] / 6))
         contact = ec.Contact("bottom", friction=ec.Tresca(0.001))
-        sides = ec.Periodic("left", "right", mean_strain=((0.001, 0.0), (0.0, 0.0)))
+        sides = ec.Periodic("left", "right", mean_stress=((0.001, None), (None, None)))
         return certified(ec.Scene(ec.Elastic(1.0, 0.3), sides, pressed, contact), strip)
 
     error = of_strip(COMM)
     counts = COMM.allgather(len(error.domain.facets("left")))
     assert COMM.size < 3 or min(counts) == 0
+    assert error.force("right").force[0] == pytest.approx(0.001, rel=1e-12)
     assert error.relative == pytest.approx(of_strip(MPI.COMM_SELF).relative, rel=1e-8)
 
 
@@ -325,6 +353,24 @@ def test_ranks_change_nothing_in_space():
         ring = certified(turned, sector((2, 2, 1), comm=comm).refined(), AUGMENTED)
         numbers.append([cube.absolute, ring.absolute])
     assert np.allclose(*numbers, rtol=1e-8)
+
+
+def test_a_mean_stress_may_act_on_some_sides_alone():
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), stressed(2, [[0.01, None], [None, None]]))
+    error = certified(scene, brick((2, 2)), AUGMENTED)
+    uniaxial = (1 - 0.3) / ((1 + 0.3) * (1 - 2 * 0.3))
+    assert np.isclose(error.solution.mean_strain("left")[0], 0.01 / uniaxial, rtol=1e-8)
+    assert error.solution.mean_strain("top")[1] == 0.0
+    assert_fits(error)
+
+
+def test_a_shear_of_round_off_is_no_scale():
+    """Sides that are drawn apart along the normal, and along each other by round-off."""
+    strain = ((0.01, 1e-17), (1e-17, -0.004))
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), periodic(2, strain))
+    error = certified(scene, brick((2, 2)), AUGMENTED)
+    assert error.relative < 1e-9
+    assert_fits(error)
 
 
 def test_a_mean_strain_has_a_history():
@@ -343,8 +389,10 @@ def test_a_mean_strain_has_a_history():
 
 
 def test_a_run_goes_on(shared_tmp_path):
-    """A folder keeps the sides: a run that is ended goes on from its last mesh."""
+    """A folder keeps the sides and their jump: a run that is ended goes on from its last mesh."""
     scene, domain = wavy(0.4, moved=0.3, cells=(4, 6))
+    sides = [ec.Periodic("left", "right", mean_stress=((0.001, None), (None, None)))]
+    scene = replace(scene, contacts=scene.contacts[:1], supports=sides)
     options = {"method": AUGMENTED, "checkpoint": shared_tmp_path / "run"}
     ended = ec.adapt(scene, domain, accuracy=0.01, max_steps=2, **options)
     again = ec.adapt(scene, domain, accuracy=0.01, max_steps=2, **options)
@@ -364,6 +412,11 @@ def test_a_long_tube_is_a_ring_of_it():
     axial = 2 * nu * pressure / 3 + strain
     assert np.isclose(error.force("top").force[1], 3 * np.pi * axial, rtol=1e-3)
     assert_fits(error)
+    open_ended = ec.Periodic("bottom", "top", mean_stress=((None, None), (None, 0.0)))
+    error = certified(replace(scene, supports=[open_ended], contacts=[]), tube, AUGMENTED, degree=2)
+    shortened = error.solution.mean_strain("top")[1]
+    assert np.isclose(shortened, -2 * nu * pressure / 3, rtol=1e-3)
+    assert abs(error.force("top").force[1]) < 1e-15
     refused(
         lambda: ec.solve(replace(scene, supports=[], loads=[], contacts=sideways), tube),
         "along its axis alone",
@@ -392,6 +445,29 @@ def test_what_cannot_be_is_told():
         (lambda: ec.Periodic("left", None), "against"),
         (lambda: ec.Periodic("left", "right", mean_strain=0.1), "rows"),
         (lambda: ec.Periodic("left", "right", mean_strain=((0.0, 0.1), (0.0, 0.0))), "symmetric"),
+        (lambda: ec.Periodic("left", "right", mean_stress=((1.0, None), (0.0, 1.0))), "both sides"),
+        (lambda: ec.Periodic("a", "b", np.eye(2).tolist(), np.eye(2).tolist()), "one of them"),
+        (
+            lambda: ec.solve(
+                ec.Scene(elastic, stressed(1, [[None, None], [None, 1.0]])), brick((2, 2))
+            ),
+            "acts on them",
+        ),
+        (
+            lambda: ec.solve(
+                ec.Scene(elastic, stressed(2, np.zeros((3, 3)).tolist())), brick((2, 2))
+            ),
+            "3 rows",
+        ),
+        (
+            lambda: ec.adapt(
+                ec.Scene(elastic, stressed(2, np.eye(2).tolist())),
+                brick((2, 2)),
+                goal=ec.Resultant("right", (1.0, 0.0)),
+                accuracy=0.1,
+            ),
+            "mean stress",
+        ),
         (lambda: ec.Cyclic("low", "cut", axis=(0.0,), sectors=3), "axis"),
         (lambda: ec.Cyclic("low", "cut", axis=(0.0, 0.0), sectors=1), "sectors"),
         (lambda: ec.solve(ec.Scene(elastic, cyclic(3)), sector((2, 2))), "2D"),

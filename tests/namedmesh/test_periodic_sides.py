@@ -1,6 +1,7 @@
 """Sides of copies: facets that face each other by a motion, on any ranks and when refined.
 
-Properties: each facet has a partner at its image, to round-off, after any refinement;
+Properties: each facet has a partner at its image, to round-off, after any refinement and
+on a mesh that is made anew;
 the mesh does not depend on the ranks, and patches are complete; what does not match is
 told on all ranks.
 """
@@ -110,7 +111,47 @@ def test_what_does_not_match_is_told():
         "do not match",
         "setPeriodic",
     )
-    periodic = periodic_brick((4, 2))
-    refused(lambda: periodic.remeshed(0.1), "left and right", "Mark()")
     # Parts that are named anew are no sides of copies until they are asked for again.
-    assert periodic.named({"left": nm.where(x=0.0)}).periodic == ()
+    by_rules = periodic_brick((4, 2)).named({"low": nm.where(x=0.0), "high": nm.where(x=2.0)})
+    assert by_rules.periodic == ()
+    by_rules = by_rules.with_periodic([nm.translated(by_rules, "low", "high")])
+    refused(lambda: by_rules.remeshed(0.1), "low and high", "Mark()")
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_sides_that_do_not_match_become_alike(d):
+    """Bricks of cells of two sizes, one behind the other, whose ends differ."""
+    make = nm.rectangle if d == 2 else nm.box
+    corners = [((0.0,) * d, (1.0,) * d), ((1.0, *(0.0,) * (d - 1)), (2.0, *(1.0,) * (d - 1)))]
+    coarse, fine = (
+        make(*ends, cells=(2, *(count,) * (d - 1)))
+        for ends, count in zip(corners, (2, 3), strict=True)
+    )
+    brick = nm.assembly({"coarse": coarse, "fine": fine})
+    brick = brick.joined("coarse right", "fine left", tied=True)
+    pair = nm.translated(brick, "coarse left", "fine right")
+    refused(lambda: brick.with_periodic([pair]).facing(*pair.names), "do not match", "matched")
+    domain = brick.matched([pair])
+    assert misfit(domain, pair) < 1e-14 * domain.extent
+    here, _ = domain.facing(*pair.names)
+    areas = domain.flat_areas(here[here[:, 0] < domain.owned_cells])
+    assert np.isclose(COMM.allreduce(areas.sum()), 1.0, rtol=1e-12)
+    assert domain.regions == brick.regions
+    areas = [each.parts().area.sum() for each in (brick, domain)]
+    assert areas[0] == pytest.approx(areas[1], rel=1e-12)
+    assert misfit(domain.refined(), pair) < 1e-14 * domain.extent
+    shifted = nm.PeriodicPair(pair.names, pair.rotation, (5.0, *pair.shift[1:]))
+    refused(lambda: brick.matched([shifted]), "do not become alike")
+
+
+@pytest.mark.parametrize("cells", [(4, 3), (2, 2, 1)], ids=["2D", "3D"])
+def test_sides_are_meshed_alike(cells):
+    coarse = periodic_brick(cells)
+    sizes = 0.2 + 0.1 * np.linalg.norm(coarse.mesh.geometry.x - 0.3, axis=1)
+    domain = coarse.remeshed(sizes)
+    assert domain.cells > 2 * coarse.cells
+    assert patches_complete(domain.mesh)
+    for pair in domain.periodic:
+        assert misfit(domain, pair) < 1e-14 * domain.extent
+    assert len(domain.periodic) == len(cells)
+    assert misfit(domain.refined(), domain.periodic[0]) < 1e-14 * domain.extent

@@ -147,6 +147,19 @@ def test_random_arcs_keep_area_and_moments(shared_tmp_path, measures):
         assert measures.part(domain, "sides") == pytest.approx(5 - 2 * r + 5**0.5, rel=1e-9)
 
 
+def test_normals_of_arcs_are_radial(shared_tmp_path):
+    """To the last digits, though slopes of gmsh's own kernel are differences."""
+    domain = from_script(ARCS.format(r=0.7, h=0.2), shared_tmp_path, "arc")
+    sides = domain.facets("arc")
+    vertices = facet_vertices(2)[sides[:, 1]]
+    normals = domain.true_normals(sides, vertices)
+    x = domain.mesh.geometry.x[cell_nodes(domain.mesh.geometry)[sides[:, :1], vertices], :2]
+    assert abs(np.linalg.det(np.stack([normals, x], axis=-2))).max(initial=0.0) < 1e-15
+    marks = np.full((len(x), 1), *domain.geometry.curved)
+    nearest = domain.geometry.nearest(COMM, x.mean(axis=1), marks)
+    assert abs(np.linalg.norm(nearest, axis=1) - 0.7).max(initial=0.0) < 1e-15
+
+
 @pytest.mark.serial
 def test_what_is_in_its_place_stays_there(shared_tmp_path):
     """To the last bit: a mesh that is read again is the same."""

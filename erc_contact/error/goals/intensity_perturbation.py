@@ -6,9 +6,9 @@ radius add what they do by themselves,
     - E'/2 int t . eta u- drho,    of rings - E'/(4 pi R) int 2 pi r t . v drho,
 
 with t the traction on the body and v of :mod:`erc_contact.error.goals.ring_strain`. On
-the faces u- is ``+- e/sqrt(2 pi rho)`` times -2/E', with e normal to the crack for mode
-I and along it for mode II. Where faces touch within the radius, t is the traction r^,
-and the number is an estimate.
+straight faces u- is ``+- e/sqrt(2 pi rho)`` times -2/E', with e normal to the crack for
+mode I and along it for mode II. Where faces touch within the radius, t is the traction
+r^, and the number is an estimate.
 """
 
 from __future__ import annotations
@@ -19,15 +19,16 @@ from functools import partial
 
 import numpy as np
 from dolfinx import fem
-from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.error.constitutive import ConstitutiveError
-from erc_contact.error.goals.crack_tips import ON_LINE, Tip, Weight, tip_of
+from erc_contact.error.goals.bent_strain import BentStrain
+from erc_contact.error.goals.crack_line import CrackLine, crack_line
+from erc_contact.error.goals.crack_tips import Tip, tip_of
 from erc_contact.error.goals.moved_law import MovedLaw
 from erc_contact.error.goals.perturbation import BaseScene, Perturbation
-from erc_contact.error.goals.singular_strain import INNER_SHARE, SIZE, cut_off
+from erc_contact.error.goals.singular_strain import INNER_SHARE, SIZE, SingularStrain, cut_off
 from erc_contact.error.numbers import ROUND_OFF, BoundedNumber
 from erc_contact.error.works import strain_work
 from erc_contact.model.data.expressions import Everywhere
@@ -38,7 +39,6 @@ from erc_contact.scene.goal import StressIntensity
 from erc_contact.scene.scene import Scene
 from namedmesh.base.names import listed
 from namedmesh.base.ranks import of_all
-from namedmesh.for_solvers import boundary_sides
 from namedmesh.simplex import rule
 
 SAME_MATERIAL = 1e-9
@@ -58,15 +58,19 @@ their first to their second vertex, shape (n, q).
 """
 
 
-@dataclass(frozen=True)
-class TipMaterial:
-    """Hold the isotropic material around a tip.
+@dataclass(frozen=True, eq=False)
+class Crack:
+    """Hold a crack within the radius of its tip, and the isotropic material there.
 
     Attributes:
+        tip: The tip.
+        line: The line of the crack.
         kappa: Kolosov's constant [-].
         modulus: E', of plane strain or plane stress [force/area].
     """
 
+    tip: Tip
+    line: CrackLine
     kappa: float
     modulus: float
 
@@ -77,34 +81,51 @@ def stress_intensity(
     """Return the perturbation for a stress intensity factor; collective.
 
     Raises:
-        InputError: As :func:`checked_material`.
+        InputError: As :func:`checked_crack`.
     """
     pair = error.admissible
     model = pair.model
     scene = base.scene
-    tip = tip_of(model.space, goal)
-    material = checked_material(model, goal)
-    unit = tip.strain(material.kappa)
+    crack = checked_crack(model, goal)
+    unit = _unit_strain(model.space, crack)
 
     def scene_at(t: float) -> Scene:
         return replace(scene, strains=(*scene.strains, replace(unit, amount=t)))
 
-    size = SIZE * float(np.sqrt(material.modulus / (goal.radius * tip.length)))
+    size = SIZE * float(np.sqrt(crack.modulus / (goal.radius * crack.tip.length)))
 
     def psi(u: fem.Function) -> BoundedNumber:
         return strain_work(MovedLaw(singular=unit).move(pair, 1.0), u, UNKNOWN * base.e * size)
 
-    constant = _work_on_faces(error, tip, material.kappa)
+    constant = _work_on_faces(error, crack)
     return Perturbation(scene_at, psi, 1.0, constant, base.e / size)
 
 
-def checked_material(model: Model, goal: StressIntensity) -> TipMaterial:
-    """Return the material around the tip; collective.
+def _unit_strain(space: Space, crack: Crack) -> SingularStrain:
+    """Return the given strain G; collective."""
+    straight = crack.tip.strain(crack.kappa)
+    line = crack.line
+    if not line.bends:
+        return straight
+    side = space.domain.function("DG", 0)
+    side.x.array[:] = line.sides(crack.tip.at(space.cell_corners()))
+    opening, widening = line.horn
+    return BentStrain(
+        **vars(straight),
+        straight=line.straight,
+        opening=opening,
+        widening=widening,
+        side=lambda _: side,
+    )
+
+
+def checked_crack(model: Model, goal: StressIntensity) -> Crack:
+    """Return the crack and the material around its tip; collective.
 
     Raises:
-        InputError: If the number does not exist: the tip is no end of a straight crack
-            of the plane as long as the radius, the radius reaches the boundary or the
-            axis, or within it the material varies or a load, support, spring or given
+        InputError: If the number does not exist: the tip is no end of a crack of the
+            plane or of a ring as long as the radius, the radius reaches the boundary or
+            the axis, or within it the material varies or a support, spring or given
             strain is.
     """
     if model.space.d != 2:
@@ -117,36 +138,9 @@ def checked_material(model: Model, goal: StressIntensity) -> TipMaterial:
             " replace them by tractions beyond the radius."
         )
     tip = tip_of(model.space, goal)
-    _check_crack(model, goal, tip)
-    return _material(model, goal, tip)
-
-
-def _check_crack(model: Model, goal: StressIntensity, tip: Tip) -> None:
-    """Check that there is a crack and nothing else within the radius; collective."""
-    space = model.space
-    topology = space.mesh.topology
-    facets = np.column_stack(boundary_sides(space.mesh, dmesh.exterior_facet_indices(topology)))
-    corners = space.facet_corners(facets)
-    on_faces = tip.on_faces(corners)
-    beside = tip.distances(corners[~on_faces]).min(initial=np.inf)
-    room = space.comm.allreduce(float(beside), MPI.MIN)
-    if room < goal.radius * (1 - ON_LINE):
-        raise InputError(
-            f"{goal!r}: {tip.bounds} comes as near as {room:.3g} to the tip,"
-            " where it is not the line of the crack. Give a radius up to that, within which a crack"
-            " that bends is straight, or the place of the tip and the direction in which the crack"
-            " points."
-        )
-    # The part of each facet within the radius; both faces have facets of their own.
-    back = np.clip(-tip.at(corners[on_faces])[..., 0], 0, goal.radius)
-    length = space.comm.allreduce(float(abs(back[:, 1] - back[:, 0]).sum()), MPI.SUM)
-    if abs(length - 2 * goal.radius) > ON_LINE * goal.radius:
-        raise InputError(
-            f"{goal!r}: behind the tip both faces of a crack are {length / 2:.3g} long within the"
-            " radius; the tip has to be the end of a straight crack that is as long as the radius"
-            " at least, and the direction points away from the crack."
-        )
+    line = crack_line(model.space, tip)
     _check_faces(model, goal, tip)
+    return Crack(tip, line, *_material(model, goal, tip))
 
 
 def _check_faces(model: Model, goal: StressIntensity, tip: Tip) -> None:
@@ -165,8 +159,8 @@ def _check_faces(model: Model, goal: StressIntensity, tip: Tip) -> None:
         )
 
 
-def _material(model: Model, goal: StressIntensity, tip: Tip) -> TipMaterial:
-    """Return the material around the tip; collective.
+def _material(model: Model, goal: StressIntensity, tip: Tip) -> tuple[float, float]:
+    """Return Kolosov's constant and E' of the material around the tip; collective.
 
     Raises:
         InputError: If the material varies there, or is not isotropic.
@@ -194,19 +188,18 @@ def _material(model: Model, goal: StressIntensity, tip: Tip) -> TipMaterial:
             " smaller radius."
         )
     kappa = tip.kappa(first)
-    return TipMaterial(kappa, float(4 / ((kappa + 1) * of_shear)))
+    return kappa, float(4 / ((kappa + 1) * of_shear))
 
 
-def _work_on_faces(error: ConstitutiveError, tip: Tip, kappa: float) -> BoundedNumber:
+def _work_on_faces(error: ConstitutiveError, crack: Crack) -> BoundedNumber:
     """Return what tractions on the faces add [force/length^1.5]; collective."""
     model = error.model
     space = model.space
-    weight = tip.weight_above(kappa)
     total = BoundedNumber(0.0)
     for load in model.surface_loads:
         facets = model.domain.owned_facets(load.facets)
         density = partial(_of_load, space, space.everywhere(load.density), facets)
-        value, unknown, size = _on_faces(space, tip, weight, facets, density)
+        value, unknown, size = _on_faces(space, crack, facets, density)
         total += BoundedNumber(value, unknown, unknown <= ROUND_OFF * size)
     for traction in error.admissible.tractions:
         trace = traction.contact.trace
@@ -215,26 +208,22 @@ def _work_on_faces(error: ConstitutiveError, tip: Tip, kappa: float) -> BoundedN
             count = len(side.facets)
             owned = here.owned[:count]
             density = partial(_of_contact, space.degree, sign * traction.values[:count][owned])
-            value, _, size = _on_faces(space, tip, weight, side.facets[owned], density)
+            value, _, size = _on_faces(space, crack, side.facets[owned], density)
             total += BoundedNumber(value, 0.0, abs(value) <= ROUND_OFF * size)
     return total
 
 
 def _on_faces(
-    space: Space,
-    tip: Tip,
-    weight: Weight,
-    facets: np.ndarray,
-    density: Density,
+    space: Space, crack: Crack, facets: np.ndarray, density: Density
 ) -> tuple[float, float, float]:
-    """Integrate tractions against a weight on the faces; collective.
+    """Integrate tractions against their weight on the faces; collective.
 
-    With ``rho = s^2`` the weight has no singularity.
+    The distance rho from the tip grows along each facet. With ``rho = s^2`` the weight
+    has no singularity.
 
     Args:
         space: The mesh.
-        tip: The tip.
-        weight: Of :meth:`.Tip.weight_above`.
+        crack: The crack.
         facets: Facets (cell, local facet), each on one rank, shape (f, 2).
         density: The tractions.
 
@@ -242,31 +231,48 @@ def _on_faces(
         The integral, how far a rule is off it, and the integral of the sizes of
         tractions and weight [force/length^1.5].
     """
-    goal = tip.goal
+    tip = crack.tip
+    radius = tip.goal.radius
     corners = space.facet_corners(facets)
-    chosen = np.flatnonzero(tip.near(corners) & tip.on_faces(corners))
-    middles = space.cell_corners()[facets[chosen, 0]].mean(axis=1)
-    side = np.sign(tip.at(middles)[:, 1])
-    ends = -tip.at(corners[chosen])[..., 0]
-    inner = INNER_SHARE * goal.radius
+    chosen = np.flatnonzero(tip.near(corners))
+    ends = tip.at(corners[chosen])
+    cells = tip.at(space.cell_corners()[facets[chosen, 0]])
+    side = crack.line.sides(cells)[:, None]
+    # The facets from their ends that are nearer to the tip.
+    distance = np.linalg.norm(ends, axis=2)
+    is_turned = distance[:, 0] > distance[:, 1]
+    first = np.where(is_turned[:, None], ends[:, 1], ends[:, 0])
+    way = np.where(is_turned[:, None], -1, 1) * (ends[:, 1] - ends[:, 0])
+    length = np.linalg.norm(way, axis=1)[:, None]
+    # Along the line of a facet, measured from the foot of the tip.
+    foot = (first * way).sum(axis=1)[:, None] / length
+    height_2 = np.maximum((first**2).sum(axis=1)[:, None] - foot**2, 0.0)
+    distance.sort(axis=1)
+    weight = tip.weight(crack.kappa)
+    inner = INNER_SHARE * radius
+    least = (np.finfo(float).eps * radius) ** 2
     totals = np.zeros((2, 2))
     for total, degree in zip(totals, DEGREES_OF_FACES, strict=True):
         points, weights = rule(1, degree)
-        for low, high in ((0.0, inner), (inner, goal.radius)):
+        for low, high in ((0.0, inner), (inner, radius)):
             # The ends of each facet within this range of rho; equal outside it.
-            roots = np.sqrt(np.sort(np.clip(ends, low, high), axis=1))
+            roots = np.sqrt(np.clip(distance, low, high))
             width = roots[:, 1:] - roots[:, :1]
             s = roots[:, :1] + width * points[:, 0]
             rho = s**2
-            share = (rho - ends[:, :1]) / (ends[:, 1:] - ends[:, :1])
-            eta, _, _ = cut_off(np.maximum(rho, inner), goal.radius)
-            # d rho is 2 s ds.
-            of_s = sum(2 * (s ** (2 * p + 1))[..., None] * c for p, c in weight)
-            of_point = side[:, None, None] * (eta * width * weights)[..., None] * of_s
-            values = density(chosen, share)
-            total[0] += (of_point * values).sum()
-            sizes = np.linalg.norm(values, axis=-1) * np.linalg.norm(of_point, axis=-1)
-            total[1] += sizes.sum()
+            along = np.sqrt(np.maximum(rho**2 - height_2, least))
+            share = np.clip((along - foot) / length, 0.0, 1.0)
+            x = first[:, None] + share[..., None] * way[:, None]
+            # The angle goes on from the side of the facet.
+            theta = side * (np.pi / 2 + np.arctan2(-x[..., 0], side * x[..., 1]))
+            eta, _, _ = cut_off(np.maximum(rho, inner), radius)
+            # d rho is 2 s ds, and rho d rho is along times d along.
+            of_point = eta * width * weights * 2 * s * rho / along
+            vectors = np.stack([component.at(rho, theta) for component in weight], axis=-1)
+            vectors *= of_point[..., None]
+            values = density(chosen, np.where(is_turned[:, None], 1 - share, share))
+            total[0] += (vectors * values).sum()
+            total[1] += (np.linalg.norm(values, axis=-1) * np.linalg.norm(vectors, axis=-1)).sum()
     totals = space.comm.allreduce(totals, MPI.SUM)
     (rough, _), (value, size) = totals.tolist()
     return value, abs(value - rough), size

@@ -19,7 +19,7 @@ from erc_contact.error.numbers import BoundedNumber
 from erc_contact.error.works import strain_energy
 from erc_contact.model.model import Model
 from erc_contact.model.preload import shifts_of
-from erc_contact.newton.preload import with_shifts
+from erc_contact.newton.given_forces import with_shifts
 from erc_contact.scene.scene import Scene
 from erc_contact.scene.tied import Preload
 

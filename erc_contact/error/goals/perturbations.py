@@ -17,14 +17,15 @@ from erc_contact.error.goals.bolt_perturbations import bolt_perturbation, checke
 from erc_contact.error.goals.constants import LEAST_ERROR
 from erc_contact.error.goals.force_perturbations import moment, resultant
 from erc_contact.error.goals.given_bounds import contacts_with_given_bounds
-from erc_contact.error.goals.intensity_perturbation import checked_material, stress_intensity
+from erc_contact.error.goals.intensity_perturbation import checked_crack, stress_intensity
 from erc_contact.error.goals.jump_perturbations import jump_perturbation
 from erc_contact.error.goals.motion_perturbations import functional, mean_displacement, rotation
 from erc_contact.error.goals.perturbation import BaseScene, Perturbation
 from erc_contact.error.works import elastic_work
+from erc_contact.model.given_forces import stressed_sides
 from erc_contact.model.model import Model
 from erc_contact.model.space import Space
-from erc_contact.newton.preload import with_forces, with_locked_shifts, with_shifts
+from erc_contact.newton.given_forces import with_locked_shifts, without_shifts
 from erc_contact.scene.goal import (
     BoltForce,
     Energy,
@@ -83,12 +84,11 @@ def check_goal(scene: Scene, domain: Domain, degree: int, goal: Goal) -> None:
     if isinstance(goal, Energy):
         return
     scene = with_locked_shifts(scene, None)
-    unknown = [preload.facets for preload in with_forces(scene)]
-    model = Model(with_shifts(scene, dict.fromkeys(unknown, 0.0)), domain, degree)
+    model = Model(without_shifts(scene), domain, degree)
     vector = _check(model, goal)
     match goal:
         case StressIntensity():
-            checked_material(model, goal)
+            checked_crack(model, goal)
         case BoltForce() | Shortening():
             checked_preload(scene, goal)
         case _:
@@ -143,6 +143,12 @@ def _check(model: Model, goal: GoalOfPair) -> np.ndarray:
         raise InputError(
             f"{goal!r}: no interval with a compliant foundation ({listed(soft)}); take"
             " ec.resultant for a force of a contact."
+        )
+    stressed = [sides.facets for sides in stressed_sides(model.scene.contacts)]
+    if stressed:
+        raise InputError(
+            f"{goal!r}: no interval with a mean stress ({listed(stressed)}), under which the mean"
+            " strain moves, too; give mean_strain=, or take ec.potential_energy."
         )
     if isinstance(goal, Slip) and goal.direction is not None:
         _check_vector(goal, goal.direction, space.d)

@@ -42,6 +42,7 @@ from erc_contact.error.goals.singular_strain import (
     cut_fields,
     cut_off,
     cut_off_slopes,
+    in_frame,
 )
 from erc_contact.error.goals.tip_series import POWERS, Series, ring_fields
 
@@ -70,8 +71,7 @@ class RingStrain(SingularStrain):
         amount, R, tip_z, c, s, radius, kappa, of_fields = (
             parameters[name] for name in self.parameters
         )
-        to_r, to_z = x[0] - R, x[1] - tip_z
-        forward, aside = c * to_r + s * to_z, c * to_z - s * to_r
+        forward, aside = in_frame(x, R, tip_z, c, s)
         distance = ufl.sqrt(forward**2 + aside**2)
         rho = ufl.max_value(ufl.min_value(distance, radius), AT_TIP * radius)
         fields = of_fields * _basis(forward / rho, aside / rho, rho / R)
@@ -79,7 +79,7 @@ class RingStrain(SingularStrain):
 
         # Beyond both edges of the ring in which eta varies its derivatives are zero.
         cut = ufl.max_value(rho, INNER_SHARE * radius)
-        local = forward / cut, aside / cut, cut, radius
+        local = ufl.atan2(aside, forward), cut, radius
         eta, _, _ = cut_off(cut, radius)
         slope, bend = cut_off_slopes(*local)
         _, plane_w, plane_T = cut_fields(self.mode, kappa, *local)

@@ -86,70 +86,83 @@ class SingularStrain:
     def strain(self, x: Ufl, **parameters: Ufl) -> Ufl:
         """Return ``t G``, UFL, shape (2, 2)."""
         amount, tip_x, tip_y, c, s, radius, kappa = (parameters[name] for name in self.parameters)
-        to_x, to_y = x[0] - tip_x, x[1] - tip_y
-        forward, aside = c * to_x + s * to_y, c * to_y - s * to_x
+        forward, aside = in_frame(x, tip_x, tip_y, c, s)
         # At both edges of the ring G is zero, and so it is beyond them.
         distance = ufl.sqrt(forward**2 + aside**2)
         r = ufl.max_value(ufl.min_value(distance, radius), INNER_SHARE * radius)
-        local = _local(self.mode, kappa, forward / r, aside / r, r, radius)
+        of_eta, w, T = cut_fields(self.mode, kappa, ufl.atan2(aside, forward), r, radius)
+        local = ufl.sym(ufl.outer(of_eta, w)) - strain_of(kappa, T)
         turn = ufl.as_matrix([[c, -s], [s, c]])
         return 2 / (kappa + 1) * amount * (turn * local * turn.T)
 
 
-def _local(mode: str, kappa: Ufl, cosine: Ufl, sine: Ufl, r: Ufl, radius: Ufl) -> Ufl:
-    """Return G without its factor in the frame of the crack, see above.
+def in_frame(x: Ufl, tip_x: Ufl, tip_y: Ufl, cosine: Ufl, sine: Ufl) -> tuple[Ufl, Ufl]:
+    """Return the places along the direction of the crack and aside [length]."""
+    to_x, to_y = x[0] - tip_x, x[1] - tip_y
+    return cosine * to_x + sine * to_y, cosine * to_y - sine * to_x
+
+
+def strain_of(kappa: Ufl, stress: Ufl) -> Ufl:
+    """Return ``2 mu C^-1`` of a stress in the plane."""
+    return stress - (3 - kappa) / 4 * ufl.tr(stress) * ufl.Identity(2)
+
+
+def cut_fields(mode: str, kappa: Ufl, theta: Ufl, r: Ufl, radius: Ufl) -> tuple[Ufl, Ufl, Ufl]:
+    """Return grad eta, w and T' in the frame of the crack, see above.
 
     Args:
         mode: "I" or "II".
         kappa: Kolosov's constant.
-        cosine: Cosine of theta.
-        sine: Its sine.
+        theta: Angle from the direction of the crack.
         r: Distance from the tip [length].
         radius: Where eta is zero [length].
     """
-    of_eta, w, T = cut_fields(mode, kappa, cosine, sine, r, radius)
-    identity = ufl.Identity(2)
-    return ufl.sym(ufl.outer(of_eta, w)) - T + (3 - kappa) / 4 * ufl.tr(T) * identity
-
-
-def cut_fields(
-    mode: str, kappa: Ufl, cosine: Ufl, sine: Ufl, r: Ufl, radius: Ufl
-) -> tuple[Ufl, Ufl, Ufl]:
-    """Return grad eta, w and T' in the frame of the crack, see :func:`_local`."""
-    P, Q = potential(mode, cosine, sine, r)
+    P, Q = potential(mode, theta, r)
     b = PSI_SHARES[mode]
-    cosine_2, sine_2 = cosine**2 - sine**2, 2 * cosine * sine
+    cosine_2, sine_2 = ufl.cos(2 * theta), ufl.sin(2 * theta)
     # kappa phi' - conj(phi') - z conj(phi'') - conj(psi')
     alpha, beta = 1 + b - cosine_2 / 2, sine_2 / 2
     w = ufl.as_vector([kappa * P - alpha * P + beta * Q, kappa * Q + beta * P + alpha * Q])
-    A = r * ((3 + 2 * b) * cosine * P - (1 + 2 * b) * sine * Q)
+    A, of_A = stress_function(mode, theta, r)
+    of_eta, second = cut_off_slopes(theta, r, radius)
+    hessian = A * second + ufl.outer(of_eta, of_A) + ufl.outer(of_A, of_eta)
+    return of_eta, w, cofactor(hessian)
+
+
+def stress_function(mode: str, theta: Ufl, r: Ufl) -> tuple[Ufl, Ufl]:
+    """Return the stress function A of u- and its gradient."""
+    P, Q = potential(mode, theta, r)
+    b = PSI_SHARES[mode]
+    cosine_2, sine_2 = ufl.cos(2 * theta), ufl.sin(2 * theta)
+    A = r * ((3 + 2 * b) * ufl.cos(theta) * P - (1 + 2 * b) * ufl.sin(theta) * Q)
     of_A = ufl.as_vector(
         [
             (2 + b) * P - (cosine_2 * P + sine_2 * Q) / 2,
             (cosine_2 * Q - sine_2 * P) / 2 - b * Q,
         ]
     )
-    of_eta, second = cut_off_slopes(cosine, sine, r, radius)
-    hessian = A * second + ufl.outer(of_eta, of_A) + ufl.outer(of_A, of_eta)
-    T = ufl.as_matrix([[hessian[1, 1], -hessian[0, 1]], [-hessian[0, 1], hessian[0, 0]]])
-    return of_eta, w, T
+    return A, of_A
 
 
-def cut_off_slopes(cosine: Ufl, sine: Ufl, r: Ufl, radius: Ufl) -> tuple[Ufl, Ufl]:
+def cofactor(hessian: Ufl) -> Ufl:
+    """Return the stress of the second derivatives of a stress function."""
+    return ufl.as_matrix([[hessian[1, 1], -hessian[0, 1]], [-hessian[0, 1], hessian[0, 0]]])
+
+
+def cut_off_slopes(theta: Ufl, r: Ufl, radius: Ufl) -> tuple[Ufl, Ufl]:
     """Return the first and the second derivatives of eta, shapes (2,) and (2, 2)."""
     _, slope, curvature = cut_off(r, radius)
-    outward = ufl.as_vector([cosine, sine])
+    outward = ufl.as_vector([ufl.cos(theta), ufl.sin(theta)])
     radial = ufl.outer(outward, outward)
     return slope * outward, curvature * radial + slope / r * (ufl.Identity(2) - radial)
 
 
-def potential(mode: str, cosine: Ufl, sine: Ufl, r: Ufl) -> tuple[Ufl, Ufl]:
+def potential(mode: str, theta: Ufl, r: Ufl) -> tuple[Ufl, Ufl]:
     """Return the real and the imaginary part of phi' [1/sqrt(length)]."""
-    half = ufl.atan2(sine, cosine) / 2
     size = 1 / (2 * ufl.sqrt(2 * ufl.pi * r))
     if mode == "I":
-        return size * ufl.cos(half), -size * ufl.sin(half)
-    return -size * ufl.sin(half), -size * ufl.cos(half)
+        return size * ufl.cos(theta / 2), -size * ufl.sin(theta / 2)
+    return -size * ufl.sin(theta / 2), -size * ufl.cos(theta / 2)
 
 
 def cut_off(r: Any, radius: Any) -> tuple[Any, Any, Any]:

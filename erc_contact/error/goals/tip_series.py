@@ -37,6 +37,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 from math import pi, sqrt
 
+import numpy as np
+
 from erc_contact.error.goals.singular_strain import PSI_SHARES
 
 HALF = 0.5
@@ -106,6 +108,13 @@ class Series:
     def integral_bar(self) -> Series:
         """Return an integral by conj(z)."""
         return Series({(a, b + 1): c / (b + 1) for (a, b), c in self.terms.items()})
+
+    def at(self, distance: np.ndarray, theta: np.ndarray) -> np.ndarray:
+        """Return the real part at distances and angles, of their shape."""
+        total = np.zeros_like(distance)
+        for (a, b), c in self.terms.items():
+            total += distance ** (a + b) * (c * np.exp(1j * (a - b) * theta)).real
+        return total
 
     def on_face(self) -> dict[float, complex]:
         """Return the factor of each power of the distance on the face above."""

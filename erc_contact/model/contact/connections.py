@@ -14,7 +14,7 @@ from dolfinx import fem
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from erc_contact.model.contact.frames import check_alike, frames_of
+from erc_contact.model.contact.frames import Upright, frames_of
 from erc_contact.model.contact.groups import Groups
 from erc_contact.model.contact.trace import NOBODY, Trace, dofs_of
 from erc_contact.model.data.over_ranks import matrix_of_common_entries, product
@@ -62,7 +62,7 @@ class Connections:
         free = ~gather_prescribed(space, numbers, fixed)
         rotations = [trace.rotation for trace in traces]
         frames = frames_of(self.pairs, rotations, numbers, space.d)
-        check_alike(frames, free)
+        frames.check_alike(free)
         self.groups = Groups(here, there, numbers, free, frames)
         self._free = free
 
@@ -186,21 +186,11 @@ class Connections:
 
     def turns(self, pairs: np.ndarray) -> np.ndarray | None:
         """Return ``R^T`` of pairs of nodes, (p, d, d); None where nothing turns."""
-        frames = self.frames(pairs.ravel())
-        if frames is None:
-            return None
-        here, there = frames.reshape(*pairs.shape, *frames.shape[1:]).swapaxes(0, 1)
-        return np.matmul(here.swapaxes(1, 2), there)
+        return self.frames(pairs.ravel()).turns(len(pairs))
 
-    def frames(self, numbers: np.ndarray) -> np.ndarray | None:
-        """Return the frames of nodes, of which some may be in no pair, (n, d, d)."""
-        groups = self.groups
-        if groups.frames is None:
-            return None
-        frames = np.tile(np.eye(self._space.d), (len(numbers), 1, 1))
-        is_paired = np.isin(numbers, groups.numbers)
-        frames[is_paired] = groups.frames[np.searchsorted(groups.numbers, numbers[is_paired])]
-        return frames
+    def frames(self, numbers: np.ndarray) -> Upright:
+        """Return the frames of nodes, of which some may be in no pair."""
+        return self.groups.frames.among(self.groups.numbers, numbers)
 
     def pairs_at(self, numbers: np.ndarray) -> np.ndarray:
         """Return the pairs whose first node is among some nodes, shape (p, 2).

@@ -30,6 +30,7 @@ from functools import cached_property
 
 import numpy as np
 
+from erc_contact.model.contact.frames import UPRIGHT, Upright
 from erc_contact.model.contact.trace import NOBODY
 from namedmesh.for_solvers import components
 
@@ -48,7 +49,7 @@ class Groups:
             (n,).
         numbers: Global numbers of all these nodes, ascending, shape (N,).
         free: Components that no support fixes, shape (N, d).
-        frames: Q of each node, shape (N, d, d); None where nothing turns.
+        frames: Frames of the nodes.
 
     Attributes:
         numbers: As given.
@@ -67,7 +68,7 @@ class Groups:
         there: np.ndarray,
         numbers: np.ndarray,
         free: np.ndarray,
-        frames: np.ndarray | None = None,
+        frames: Upright = UPRIGHT,
     ) -> None:
         is_pair = there != NOBODY
         first = np.searchsorted(numbers, here)
@@ -170,7 +171,8 @@ class Groups:
         group, component, i, j = np.nonzero(blocks)
         values = blocks[group, component, i, j]
         nodes = self._table[group, i], self._table[group, j]
-        place, row, column, values = self._turned(*nodes, component, values)
+        turned = self.frames.entries(self.numbers, *nodes, component, values)
+        place, row, column, values = turned
         d = blocks.shape[1]
         return nodes[0][place] * d + row, nodes[1][place] * d + column, values
 
@@ -190,7 +192,8 @@ class Groups:
         group, component, i, k = np.nonzero(used)
         values = blocks[group, component, i, k]
         nodes = self._table[group, i]
-        place, row, _, values = self._turned(nodes, None, component, values)
+        turned = self.frames.entries(self.numbers, nodes, None, component, values)
+        place, row, _, values = turned
         columns = column_of[group, component, k][place]
         return nodes[place] * blocks.shape[1] + row, columns, values
 
@@ -208,35 +211,10 @@ class Groups:
         row, component, j = np.nonzero(of_rows)
         values = of_rows[row, component, j]
         nodes = self.numbers[self._first[row]], self._table[self.group_of_row[row], j]
-        place, of_row, column, values = self._turned(*nodes, component, values)
+        turned = self.frames.entries(self.numbers, *nodes, component, values)
+        place, of_row, column, values = turned
         d = blocks.shape[1]
         return row[place] * d + of_row, nodes[1][place] * d + column, values
-
-    def _turned(
-        self, here: np.ndarray, there: np.ndarray | None, component: np.ndarray, values: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Turn entries on a diagonal in the frame of a group to the frames of nodes.
-
-        Args:
-            here: Node of the row of each entry, shape (n,).
-            there: Node of its column; None for a column that is no node.
-            component: Its component in the frame of the group, shape (n,).
-            values: The entries, shape (n,).
-
-        Returns:
-            Number of the entry that each turned entry is of, its components in the row
-            and in the column, and its value.
-        """
-        if self.frames is None:
-            return np.arange(len(values)), component, component, values
-        d = self.frames.shape[1]
-        rows = self.frames[np.searchsorted(self.numbers, here), component]
-        columns = np.eye(d)[component]
-        if there is not None:
-            columns = self.frames[np.searchsorted(self.numbers, there), component]
-        turned = values[:, None, None] * rows[:, :, None] * columns[:, None]
-        place, row, column = np.nonzero(turned)
-        return place, row, column, turned[place, row, column]
 
     @cached_property
     def _table(self) -> np.ndarray:

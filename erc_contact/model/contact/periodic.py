@@ -32,7 +32,7 @@ def placed(space: Space, contact: Contact) -> Contact:
     Raises:
         InputError: If an axisymmetric body is not repeated along its axis.
     """
-    pair = _pair_of(space, contact)
+    pair = pair_of(space, contact)
     if pair is None:
         return contact
     if space.axisymmetric and (pair.turns or pair.shift[0] != 0.0):
@@ -40,18 +40,24 @@ def placed(space: Space, contact: Contact) -> Contact:
             f"{type(contact).__name__}({contact.facets!r}): an axisymmetric body is repeated along"
             " its axis alone; give sides with r the same, one above the other."
         )
-    sides = space.domain.owned_facets(contact.facets)
-    local = space.facet_areas(sides) @ space.outward_normals(sides)
-    normal = space.comm.allreduce(local)
-    return contact.placed(pair, normal / np.linalg.norm(normal))
+    return contact.placed(pair, area_vector(space, contact.facets))
+
+
+def area_vector(space: Space, part: str) -> np.ndarray:
+    """Return the integral of the outward normal of a part [area], (d,); collective."""
+    sides = space.domain.owned_facets(part)
+    middles = space.facet_corners(sides).mean(axis=1, keepdims=True)
+    areas = space.facet_areas(sides) * space.section.weight(middles)[..., 0, 0]
+    total: np.ndarray = space.comm.allreduce(areas @ space.outward_normals(sides))
+    return total
 
 
 def rotation_of(space: Space, contact: Contact) -> np.ndarray | None:
     """Return R, which turns the first side of a contact onto the second; or None."""
-    pair = _pair_of(space, contact)
+    pair = pair_of(space, contact)
     return None if pair is None or not pair.turns else np.array(pair.rotation)
 
 
-def _pair_of(space: Space, contact: Contact) -> PeriodicPair | None:
+def pair_of(space: Space, contact: Contact) -> PeriodicPair | None:
     """Return the pair of sides of copies that a contact is; None of other contacts."""
     return next((pair for pair in space.domain.periodic if pair.names == contact.sides), None)

@@ -1,16 +1,17 @@
-"""Find the shifts of preloads whose forces are given.
+"""Find shifts whose forces are given: of preloads, and of sides under a mean stress.
 
-A scene is solved with shifts q, so that each bolt is one body. The force of a bolt
-grows with its shift, linearly as long as the contacts do not change and nothing yields.
-In a scene that its bolts alone load, without gaps, it is proportional to the shift, so
-that the second solve has the force to round-off. Otherwise Broyden's method follows it.
-All solves start from each other, and solves of linear bodies share one factor or
-hierarchy.
+A scene is solved with shifts q, so that each bolt is one body, and each copy has a mean
+strain. The force of a bolt or a side grows with its shift, linearly as long as the
+contacts do not change and nothing yields. In a scene that its bolts alone load, without
+gaps, it is proportional to the shift, so that the second solve has the force to
+round-off. Otherwise Broyden's method follows it, in the energy norm of the estimated
+stiffness: so the mean strain that it finds stays symmetric, and copies do not turn. All
+solves start from each other, and solves of linear bodies share one factor or hierarchy.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -20,6 +21,13 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, NotConverged
 from erc_contact.base.logs import log_of
+from erc_contact.model.given_forces import (
+    GivenForce,
+    given_forces,
+    shift_name,
+    stiffnesses,
+    stressed_sides,
+)
 from erc_contact.model.model import Model
 from erc_contact.newton.solution import Solution
 from erc_contact.scene.scene import Scene
@@ -74,6 +82,12 @@ def with_locked_shifts(scene: Scene, after: Solution | None) -> Scene:
     return replace(scene, ties=ties)
 
 
+def seeks_shifts(scene: Scene) -> bool:
+    """Tell whether shifts of a scene are to be found for their forces."""
+    sides = stressed_sides(scene.contacts)
+    return bool(with_forces(scene)) or any(entry.found is None for entry in sides)
+
+
 def with_forces(scene: Scene) -> list[Preload]:
     """Return the preloads whose forces alone are given."""
     preloads = _preloads(scene)
@@ -81,42 +95,72 @@ def with_forces(scene: Scene) -> list[Preload]:
 
 
 def shifts_in(scene: Scene) -> dict[str, float]:
-    """Return the shifts that a scene gives, by the names of the preloads [length]."""
+    """Return the shifts that a scene gives, by their names [length]."""
     shifts = {}
     for preload in _preloads(scene):
         if preload.shortening is not None:
             shifts[preload.facets] = float(preload.shortening)
+    for entry in stressed_sides(scene.contacts):
+        for i, jump in enumerate(entry.found or ()):
+            shifts[shift_name(entry, i)] = jump
     return shifts
 
 
-def with_shifts(scene: Scene, shifts: dict[str, float]) -> Scene:
-    """Return a scene in which preloads have given shifts [length]."""
+def with_shifts(scene: Scene, shifts: Mapping[str, float]) -> Scene:
+    """Return a scene with given shifts by their names [length]."""
     ties: list[Any] = []
     for tie in scene.ties:
         if isinstance(tie, Preload) and tie.facets in shifts:
             ties.append(tie.found(shifts[tie.facets], locked=tie.locked))
         else:
             ties.append(tie)
-    return replace(scene, ties=ties)
+    contacts = list(scene.contacts)
+    for entry in stressed_sides(scene.contacts):
+        # Components that no mean stress gives are not read.
+        names = [shift_name(entry, i) for i in range(len(entry.mean_stress or ()))]
+        jump = [shifts.get(name, 0.0) for name in names]
+        contacts[contacts.index(entry)] = entry.with_jump(jump)
+    return replace(scene, ties=ties, contacts=contacts)
 
 
-def shank_stiffness(model: Model, names: Sequence[str]) -> np.ndarray:
-    """Estimate ``E A/L`` of bolts as long as the body [force/length]; collective."""
-    local = []
-    for name in names:
-        side = model.contact(name).trace.here
-        local.append(float(side.owned_areas @ side.modulus))
-    return np.asarray(model.space.comm.allreduce(np.array(local)) / model.domain.extent)
+def without_shifts(scene: Scene) -> Scene:
+    """Return a scene in which the shifts that are to be found are zero."""
+    return with_shifts(scene, {preload.facets: 0.0 for preload in with_forces(scene)})
 
 
-def solved_with_forces(
-    scene: Scene, shifts: np.ndarray, solve: Solve, solve_near: SolveNear
-) -> tuple[Solution, Solution]:
-    """Solve a scene in which forces of preloads are given; collective.
+def sought_forces(scene: Scene, model: Model) -> list[GivenForce]:
+    """Return the given forces of a scene whose shifts are to be found; collective.
 
     Args:
         scene: The scene.
-        shifts: Shifts to begin with, in the order of :func:`with_forces` [length].
+        model: The same bodies and contacts on a mesh.
+
+    Raises:
+        InputError: If there are none, because a mean stress acts on no side.
+    """
+    sought = [given for given in given_forces(scene, model) if given.shift is None]
+    if not sought:
+        names = [entry.facets for entry in stressed_sides(scene.contacts)]
+        raise InputError(
+            f"The mean stress of the sides at {names} has no component that acts on them; give the"
+            " components along their normal, or periodic sides across the stress."
+        )
+    return sought
+
+
+def solved_with_forces(
+    scene: Scene,
+    sought: Sequence[GivenForce],
+    shifts: np.ndarray,
+    solve: Solve,
+    solve_near: SolveNear,
+) -> tuple[Solution, Solution]:
+    """Solve a scene in which forces of preloads or mean stresses are given; collective.
+
+    Args:
+        scene: The scene.
+        sought: The given forces whose shifts are to be found.
+        shifts: Shifts to begin with [length].
         solve: Solves a scene with shifts.
         solve_near: Solves one with the factor or hierarchy of a solution near by.
 
@@ -127,9 +171,8 @@ def solved_with_forces(
     Raises:
         NotConverged: If no shifts give these forces.
     """
-    preloads = with_forces(scene)
-    names = [preload.facets for preload in preloads]
-    wanted = np.array([preload.force for preload in preloads], dtype=float)
+    names = [given.name for given in sought]
+    wanted = np.array([given.force for given in sought])
 
     def at(shifts: np.ndarray) -> Scene:
         return with_shifts(scene, dict(zip(names, shifts.tolist(), strict=True)))
@@ -145,13 +188,17 @@ def solved_with_forces(
     shifts, solution = _solve_scaled(shifts, 2.0, DOUBLINGS, lambda first: solve(at(first)))
     first = solution
     steps = solution.newton_steps
-    forces = _bolt_forces(solution, names)
+    forces = _forces_of(solution, sought)
     scale = max(abs(wanted).max(), abs(forces).max())
-    shanks = shank_stiffness(solution.model, names)
-    slack = SLACK * _least_share(solution.model) * shanks
-    slopes = _first_slopes(forces, shifts, shanks, slack)
+    shanks = stiffnesses(solution.model.space, sought)
+    # A bolt may be slack, and a cell may be much softer than its sides.
+    share = SLACK * _least_share(solution.model)
+    of_sides = np.array([given.of_sides for given in sought])
+    slack = np.where(of_sides, 0.0, share) * shanks
+    # The components of a force of sides are proportional to no shift of their own.
+    slopes = _first_slopes(forces, np.where(of_sides, 0.0, shifts), shanks, slack)
     for _ in range(SOLVES):
-        log_of(solution.model.space.comm).debug("Preloads %s: shifts %s", forces, shifts)
+        log_of(solution.model.space.comm).debug("Given forces %s: shifts %s", forces, shifts)
         left = wanted - forces
         if abs(left).max() <= SAME_FORCE * scale:
             return replace(solution, newton_steps=steps), first
@@ -161,10 +208,11 @@ def solved_with_forces(
         steps += solution.newton_steps
         shifts = shifts + change
         forces_before = forces
-        forces = _bolt_forces(solution, names)
+        forces = _forces_of(solution, sought)
         # Broyden's update: the slopes explain the last change, and stay across it.
         gained = forces - forces_before
-        slopes += np.outer(gained - slopes @ change, change) / (change @ change)
+        weighted = shanks * change
+        slopes += np.outer(gained - slopes @ change, weighted) / (weighted @ change)
         if abs(gained).max() <= slack.min() * abs(change).max():
             _check_slack(names, forces, wanted)
         if (slopes.diagonal() <= slack).any():
@@ -174,8 +222,9 @@ def solved_with_forces(
         for name, force, given in zip(names, forces, wanted, strict=True)
     ]
     raise NotConverged(
-        f"No shifts were found that give the forces of the preloads, in {SOLVES} solves; the last"
-        f" forces are {', '.join(told)}. Look whether contacts carry what the bolts draw together.",
+        "No shifts were found that give the forces of preloads or mean stresses, in"
+        f" {SOLVES} solves; the last forces are {', '.join(told)}. Look whether contacts carry"
+        " what bolts draw together, and whether the body can carry the mean stress.",
         (),
     )
 
@@ -209,9 +258,12 @@ def _solve_scaled(
     return shifts, solve(shifts)
 
 
-def _bolt_forces(solution: Solution, names: Sequence[str]) -> np.ndarray:
-    """Return the forces of bolts [force]; collective."""
-    return np.array([solution.bolt_force(name) for name in names])
+def _forces_of(solution: Solution, sought: Sequence[GivenForce]) -> np.ndarray:
+    """Return the forces of a solution where forces are given [force]; collective."""
+    # All ranks ask for the parts in one order.
+    parts = dict.fromkeys(given.part for given in sought)
+    of_parts = {part: solution.force(part).force for part in parts}
+    return np.array([of_parts[given.part] @ given.direction for given in sought])
 
 
 def _check_slack(names: Sequence[str], forces: np.ndarray, wanted: np.ndarray) -> None:
@@ -223,8 +275,8 @@ def _check_slack(names: Sequence[str], forces: np.ndarray, wanted: np.ndarray) -
     for name, force, given in zip(names, forces, wanted, strict=True):
         if abs(force) > abs(given):
             raise NotConverged(
-                f"No shift gives Preload({name!r}) the force {given:.6g}: it stays at {force:.6g}"
-                " however far the sides of the cut are let apart, because the loads pull as much."
+                f"No shift gives {name!r} the force {given:.6g}: it stays at {force:.6g} however"
+                " far the sides are let apart, because the loads pull as much."
                 " Give more force, or tighten before the loads come, in a history.",
                 (),
             )
