@@ -112,7 +112,7 @@ def mesh_geometry(
 
 
 def mesh_alike(model: Any, labels: Labels) -> None:
-    """Let gmsh mesh the second part of periodic pairs as the image of the first one.
+    """Let gmsh mesh the second part of periodic pairs as the image of the first part.
 
     Args:
         model: gmsh's current model.

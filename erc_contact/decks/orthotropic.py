@@ -62,7 +62,7 @@ def read_orientation(reading: DeckReading, card: Card, space: DeckSpace) -> None
 
 
 def rectangular(numbers: list[float]) -> np.ndarray:
-    """Return axes as rows, of a point a on the first one and a point b in their plane.
+    """Return axes as rows, of a point a on the first axis and a point b in their plane.
 
     Args:
         numbers: a and b [length], and the origin if it is another point.

@@ -123,7 +123,7 @@ def _with_copies(
     cells: dict[str, np.ndarray],
     copies: Sequence[tuple[Motion, np.ndarray]],
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Return points, cells and fields of copies of a body, one after the other.
+    """Return points, cells and fields of all copies of a body, in their order.
 
     Args:
         body: "points" and "displacement" [length], and "cells".

@@ -68,7 +68,7 @@ def _matched(plain: PlainMesh, here: int, there: int, pair: PeriodicPair, glue: 
 def _joined(
     first: PlainMesh, second: PlainMesh, here: int, there: int, glue: Glue
 ) -> tuple[PlainMesh, PlainMesh]:
-    """Join side 1 of a body to side 2 of another one, and return both bodies.
+    """Join side 1 of a body to side 2 of another body, and return both bodies.
 
     Args:
         first: The body of side 1.
@@ -86,9 +86,9 @@ def _joined(
         tags=np.where(second.tags == NO_TAG, NO_TAG, second.tags + beyond),
         regions=second.regions + regions,
     )
-    both = PlainMesh.beside_each_other([first, marked])
+    bodies_apart = PlainMesh.beside_each_other([first, marked])
     meeting = 2 * beyond
-    glued, _ = glue(both, (here, there + beyond), meeting)
+    glued, _ = glue(bodies_apart, (here, there + beyond), meeting)
     is_second = glued.regions > last_region
     bodies = []
     for others, tag, offset in ((is_second, here, 0), (~is_second, there, beyond)):

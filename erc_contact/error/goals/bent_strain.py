@@ -43,7 +43,7 @@ from erc_contact.error.goals.singular_strain import (
 )
 
 FULL = 3.0
-"""Distance from the line over W from which on c is one [-]."""
+"""Distance from the line over W from which on c is 1 [-]."""
 AT_BEND = 1e-12
 """Least distance behind the straight piece over the radius: W is above zero [-]."""
 
