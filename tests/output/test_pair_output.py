@@ -66,10 +66,10 @@ def drawn(monkeypatch):
     """What rank 0 would draw: skin, positions of its nodes, lines and foundations."""
     record = []
 
-    def draw_map(ax, skin, x, values, scale, views, lines, grounds, title, letters, *, mirrored):
+    def draw_map(ax, skin, x, values, scale, views, lines, grounds, title, letters, **copies):
         from matplotlib.figure import Figure
 
-        assert not mirrored
+        assert copies == {"mirrored": False, "motions": []}
 
         record.append((skin, x, lines, grounds))
         axes = Figure().subplots(1, len(views))
