@@ -37,7 +37,7 @@ YIELDS = ec.Plastic(E, NU, hardening=CURVE, hypothesis="axisymmetric")
 # steps, and is heated again until it is loose.
 
 HOT = OVERLAP / (ALPHA * R)
-TEMPERATURES = [HOT + 40, 0.6 * HOT, 0.3 * HOT, 0.0, 0.6 * HOT, 0.9 * HOT]
+TEMPERATURES = [HOT + 1, 0.6 * HOT, 0.3 * HOT, 0.0, 0.6 * HOT, 0.75 * HOT]
 COLD = TEMPERATURES.index(0.0)
 
 
