@@ -30,12 +30,6 @@ SNES_PREFIX = "erc_contact_"
 
 They override the settings of the package.
 """
-SLOPE_LEFT, INTERVAL_LEFT = 1e-2, 1e-4
-"""Shares of the slope ``F . dx`` and of the step at which its bisection ends [-].
-
-With PETSc's own, 1e-8 and 1e-6, a step that is cut takes 22 residuals, and refusals
-take 1.7 times as many in all. With a tenth of the slope some cycles are not left.
-"""
 CYCLE = 0.9
 """Fall of the residual below which a status that comes back is a cycle [-]."""
 STILL_STEPS = 7
@@ -227,9 +221,7 @@ def attempt(
     # The test below decides, with an atol of a user: it knows the round-off of forces.
     snes.setTolerances(rtol=0.0, atol=0.0, stol=0.0, max_it=step.most_steps)
     problem.prepare(snes)
-    line_search = snes.getLineSearch()
-    line_search.setType(step.line_search)
-    line_search.setTolerances(rtol=SLOPE_LEFT, ltol=INTERVAL_LEFT)
+    snes.getLineSearch().setType(step.line_search)
     test = _StoppingTest(problem, tolerance, hurried=step.hurried)
     snes.setConvergenceTest(test)
     snes.setFromOptions()
