@@ -148,19 +148,33 @@ def sought_forces(scene: Scene, model: Model) -> list[GivenForce]:
     return sought
 
 
+def shifts_of_before(scene: Scene, known: Mapping[str, float]) -> dict[str, float] | None:
+    """Return the shifts that are to be found as another solution has them [length].
+
+    Args:
+        scene: The scene.
+        known: The shifts of the other solution by their names.
+
+    Returns:
+        None where one of them is not known, or a bolt is not tightened there.
+    """
+    bolts = [preload.facets for preload in with_forces(scene)]
+    sides: list[str] = []
+    for entry in stressed_sides(scene.contacts):
+        sides += [shift_name(entry, i) for i in range(len(entry.mean_stress or ()))]
+    if not all(known.get(name) for name in bolts) or not known.keys() >= set(sides):
+        return None
+    return {name: known[name] for name in (*bolts, *sides)}
+
+
 def solved_with_forces(
-    scene: Scene,
-    sought: Sequence[GivenForce],
-    shifts: np.ndarray,
-    solve: Solve,
-    solve_near: SolveNear,
+    scene: Scene, shifts: Mapping[str, float], solve: Solve, solve_near: SolveNear
 ) -> tuple[Solution, Solution]:
     """Solve a scene in which forces of preloads or mean stresses are given; collective.
 
     Args:
         scene: The scene.
-        sought: The given forces whose shifts are to be found.
-        shifts: Shifts to begin with [length].
+        shifts: Shifts to begin with by their names [length].
         solve: Solves a scene with shifts.
         solve_near: Solves one with the factor or hierarchy of a solution near by.
 
@@ -171,23 +185,30 @@ def solved_with_forces(
     Raises:
         NotConverged: If no shifts give these forces.
     """
-    names = [given.name for given in sought]
-    wanted = np.array([given.force for given in sought])
 
-    def at(shifts: np.ndarray) -> Scene:
-        return with_shifts(scene, dict(zip(names, shifts.tolist(), strict=True)))
+    def at(names: Sequence[str], values: np.ndarray) -> Scene:
+        return with_shifts(scene, dict(zip(names, values.tolist(), strict=True)))
 
-    def near(shifts: np.ndarray, solution: Solution, change: np.ndarray) -> Solution:
-        changed = at(shifts + change)
+    def near(values: np.ndarray, solution: Solution, change: np.ndarray) -> Solution:
+        changed = at(names, values + change)
         try:
             return solve_near(changed, solution)
         except NotConverged:
             return solve(changed)
 
     # Bodies that only the bolts hold need a certain force.
-    shifts, solution = _solve_scaled(shifts, 2.0, DOUBLINGS, lambda first: solve(at(first)))
+    guesses, solution = _solve_scaled(
+        np.array(list(shifts.values())),
+        2.0,
+        DOUBLINGS,
+        lambda values: solve(at(list(shifts), values)),
+    )
     first = solution
     steps = solution.newton_steps
+    sought = sought_forces(scene, solution.model)
+    names = [given.name for given in sought]
+    values = guesses[[list(shifts).index(name) for name in names]]
+    wanted = np.array([given.force for given in sought])
     forces = _forces_of(solution, sought)
     scale = max(abs(wanted).max(), abs(forces).max())
     shanks = stiffnesses(solution.model.space, sought)
@@ -196,17 +217,17 @@ def solved_with_forces(
     of_sides = np.array([given.of_sides for given in sought])
     slack = np.where(of_sides, 0.0, share) * shanks
     # The components of a force of sides are proportional to no shift of their own.
-    slopes = _first_slopes(forces, np.where(of_sides, 0.0, shifts), shanks, slack)
+    slopes = _first_slopes(forces, np.where(of_sides, 0.0, values), shanks, slack)
     for _ in range(SOLVES):
-        log_of(solution.model.space.comm).debug("Given forces %s: shifts %s", forces, shifts)
+        log_of(solution.model.space.comm).debug("Given forces %s: shifts %s", forces, values)
         left = wanted - forces
         if abs(left).max() <= SAME_FORCE * scale:
             return replace(solution, newton_steps=steps), first
         change = np.linalg.lstsq(slopes, left, rcond=None)[0]
-        solve_changed = partial(near, shifts, solution)
+        solve_changed = partial(near, values, solution)
         change, solution = _solve_scaled(change, 0.5, HALVINGS, solve_changed)
         steps += solution.newton_steps
-        shifts = shifts + change
+        values = values + change
         forces_before = forces
         forces = _forces_of(solution, sought)
         # Broyden's update: the slopes explain the last change, and stay across it.

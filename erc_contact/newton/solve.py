@@ -37,6 +37,7 @@ from erc_contact.newton.direct import Direct
 from erc_contact.newton.given_forces import (
     seeks_shifts,
     shifts_in,
+    shifts_of_before,
     solved_with_forces,
     sought_forces,
     with_locked_shifts,
@@ -215,13 +216,15 @@ def _solved_with_forces(
     for solution in (after, start):
         if solution is not None:
             known |= shifts_in(solution.scene)
-    before = None if after is None else last_step(after)
-    unmoved = bind(without_shifts(scene), domain, degree, before)
-    sought = sought_forces(scene, unmoved)
-    forces = np.array([given.force for given in sought])
-    guesses = forces / stiffnesses(unmoved.space, sought)
-    shifts = np.array([known.get(given.name, 0.0) for given in sought])
-    shifts = np.where(shifts == 0.0, guesses, shifts)
+    shifts = shifts_of_before(scene, known)
+    if shifts is None:
+        before = None if after is None else last_step(after)
+        unmoved = bind(without_shifts(scene), domain, degree, before)
+        sought = sought_forces(scene, unmoved)
+        guesses = np.array([given.force for given in sought]) / stiffnesses(unmoved.space, sought)
+        shifts = {}
+        for given, guess in zip(sought, guesses.tolist(), strict=True):
+            shifts[given.name] = known.get(given.name) or guess
 
     arguments: dict[str, Any] = {"degree": degree, "after": after, "start": start}
     arguments |= {"tolerance": None, "solver": solver}
@@ -230,7 +233,7 @@ def _solved_with_forces(
     def solve_near(scene: Scene, near: Solution) -> Solution:
         return Nearby(near, solver, after).solve(scene)
 
-    solution, first = solved_with_forces(scene, sought, shifts, solve, solve_near)
+    solution, first = solved_with_forces(scene, shifts, solve, solve_near)
     stiffness = solution.stiffness
     is_linear = solution.model.linearised is None
     if is_linear and stiffness.iterative == first.stiffness.iterative:
@@ -271,11 +274,11 @@ class Nearby:
             # A potential is linearised anew, so that no factor fits.
             return self._solve_anew(scene)
         if seeks_shifts(scene):
-            known = shifts_in(near.scene)
-            sought = sought_forces(scene, near.model)
-            shifts = np.array([known[given.name] for given in sought])
+            shifts = shifts_of_before(scene, shifts_in(near.scene))
+            if shifts is None:
+                return self._solve_anew(scene)
             solution, _ = solved_with_forces(
-                scene, sought, shifts, self.solve, lambda moved, _: self.solve(moved)
+                scene, shifts, self.solve, lambda moved, _: self.solve(moved)
             )
             return solution
         model = bind_nearby(scene, self._model)

@@ -175,11 +175,11 @@ def integrate(
             allowed = np.maximum(share * size_of_integrals, floor)
             if of_vector:
                 allowed = np.maximum(allowed, ROUND_OFF * size_of_integrals.sum())
-        left = allowed - comm.allreduce(unknown.sum(axis=0), MPI.SUM)
-        bad = _worst(comm, piece_unknown, LEFT_IN_A_ROUND * left)
+        sums = np.stack([unknown.sum(axis=0), piece_unknown.sum(axis=0)])
+        of_done, of_pieces = comm.allreduce(sums, MPI.SUM)
+        bad = _worst(comm, piece_unknown, LEFT_IN_A_ROUND * (allowed - of_done))
         bad_count = comm.allreduce(int(bad.sum()), MPI.SUM)
-        total = comm.allreduce(unknown.sum(axis=0) + piece_unknown.sum(axis=0), MPI.SUM)
-        excess.append(_greatest_ratio(total, allowed))
+        excess.append(_greatest_ratio(of_done + of_pieces, allowed))
         # All ranks decide alike, as they know the same numbers.
         too_many = bad_count > first_count + PIECE_BUDGET[size]
         last = not bad_count or too_many or _ends(size, excess)
