@@ -71,8 +71,6 @@ class MultiplierMap:
         self.rows = rows
         nodes = np.unique(np.concatenate([rows.here, rows.there[rows.there != NOBODY]]))
         free = ~gather_prescribed(space, nodes, model.fixed)
-        # Where a contact ends inside a body there is no jump, as where supports fix it.
-        free[np.isin(nodes, model.connections.ends)] = False
         frames = model.connections.frames(nodes)
         self.groups = Groups(rows.here, rows.there, nodes, free, frames)
         self._dofs = dofs_of(nodes, space.d)
