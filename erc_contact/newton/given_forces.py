@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from erc_contact.base.exceptions import InputError, NotConverged
+from erc_contact.base.exceptions import InputError, NotConverged, NotHeldError
 from erc_contact.base.logs import log_of
 from erc_contact.model.given_forces import (
     GivenForce,
@@ -30,8 +30,10 @@ from erc_contact.model.given_forces import (
 )
 from erc_contact.model.model import Model
 from erc_contact.newton.solution import Solution
+from erc_contact.newton.statics import jumps_not_held
 from erc_contact.scene.scene import Scene
 from erc_contact.scene.tied import Preload
+from namedmesh.base.names import listed
 
 SAME_FORCE = 1e-8
 """Difference of the force of a bolt from the given one, over the greatest [-]."""
@@ -137,6 +139,7 @@ def sought_forces(scene: Scene, model: Model) -> list[GivenForce]:
 
     Raises:
         InputError: If there are none, because a mean stress acts on no side.
+        NotHeldError: If nothing balances the forces of a mean stress.
     """
     sought = [given for given in given_forces(scene, model) if given.shift is None]
     if not sought:
@@ -144,6 +147,17 @@ def sought_forces(scene: Scene, model: Model) -> list[GivenForce]:
         raise InputError(
             f"The mean stress of the sides at {names} has no component that acts on them; give the"
             " components along their normal, or periodic sides across the stress."
+        )
+    of_sides = [given for given in sought if given.of_sides]
+    loose = jumps_not_held(model, model.load_forces(strains=False), of_sides)
+    if loose:
+        told = [f"{given.name} {given.force:.4g}" for given in of_sides if given.name in loose]
+        raise NotHeldError(
+            f"The copies of the body would move against each other without end: no stress and no"
+            f" tractions that the contacts allow balance the forces of the mean stress on"
+            f" {listed(told)}. Give all periodic sides one mean stress, with mean_strain= in place"
+            " of it (None in mean_stress) where neither body nor contacts hold copies; or more"
+            " friction."
         )
     return sought
 
