@@ -17,6 +17,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError, NotConverged, NotHeldError
@@ -128,6 +129,35 @@ def with_shifts(scene: Scene, shifts: Mapping[str, float]) -> Scene:
 def without_shifts(scene: Scene) -> Scene:
     """Return a scene in which the shifts that are to be found are zero."""
     return with_shifts(scene, {preload.facets: 0.0 for preload in with_forces(scene)})
+
+
+def with_free_jumps(scene: Scene) -> Scene:
+    """Return a scene whose sides under a mean stress have jumps to be found."""
+    contacts = list(scene.contacts)
+    for entry in stressed_sides(scene.contacts):
+        contacts[contacts.index(entry)] = replace(entry)
+    return replace(scene, contacts=contacts)
+
+
+def with_jumps_of(scene: Scene, model: Model, u: fem.Function) -> Scene:
+    """Return a scene whose sides under a mean stress jump as u; collective.
+
+    The jump is the mean of the jump of u.
+
+    Args:
+        scene: The scene.
+        model: The same bodies and contacts on a mesh.
+        u: A displacement [length].
+    """
+    shifts = shifts_in(scene)
+    for entry in stressed_sides(scene.contacts):
+        trace = model.contact(entry.facets).trace
+        areas = trace.here.owned_areas
+        local = np.append(areas @ trace.of(u.x.array).mean(axis=1), areas.sum())
+        total = model.space.comm.allreduce(local, MPI.SUM)
+        for i, jump in enumerate(-total[:-1] / total[-1]):
+            shifts[shift_name(entry, i)] = float(jump)
+    return with_shifts(scene, shifts)
 
 
 def sought_forces(scene: Scene, model: Model) -> list[GivenForce]:
