@@ -51,7 +51,10 @@ def with_matching_sides(bodies: Bodies, pairs: tuple[PeriodicPair, ...], glue: G
                 plain = replace(plain, marks=_marks_of(plain, before, before.marks))
         except InputError as reason:
             names = " and ".join(pair.names)
-            error = InputError(f"matched: {names} do not become alike. {reason}")
+            error = InputError(
+                f"matched: {names} do not become alike. {reason} Copies have no distance that could"
+                " be given: mesh both sides alike, or with smaller facets."
+            )
     raise_together(bodies.comm, error)
     return plain
 
