@@ -261,6 +261,11 @@ class Periodic(PeriodicSides):
             )
 
 
+def translated_sides(contacts: Sequence[Contact]) -> list[Periodic]:
+    """Return the periodic sides among contacts."""
+    return [entry for entry in contacts if isinstance(entry, Periodic)]
+
+
 def _with_zeros(value: Any) -> Any:
     """Return rows with zeros in place of None, and anything else itself."""
     if not isinstance(value, Sequence | np.ndarray):

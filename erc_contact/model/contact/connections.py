@@ -179,14 +179,12 @@ class Connections:
         d = self._space.d
         here, there = (nodes[:, None] * d + np.arange(d) for nodes in pairs.T)
         turns = self.turns(pairs)
-        if turns is None:
-            return here.ravel(), there.ravel(), -np.ones(here.size)
-        rows, columns = np.broadcast_arrays(here[:, :, None], there[:, None])
-        return rows.ravel(), columns.ravel(), -turns.ravel()
+        pair, row, column = np.nonzero(turns)
+        return here[pair, row], there[pair, column], -turns[pair, row, column]
 
-    def turns(self, pairs: np.ndarray) -> np.ndarray | None:
-        """Return ``R^T`` of pairs of nodes, (p, d, d); None where nothing turns."""
-        return self.frames(pairs.ravel()).turns(pairs)
+    def turns(self, pairs: np.ndarray) -> np.ndarray:
+        """Return ``R^T`` of pairs of nodes, shape (p, d, d)."""
+        return self.frames(pairs.ravel()).turns(pairs, self._space.d)
 
     def frames(self, numbers: np.ndarray) -> Upright:
         """Return the frames of nodes, of which some may be in no pair."""

@@ -44,14 +44,15 @@ class Upright:
         """Return vectors in the frames of groups at the nodes, ``Q^T v``."""
         return vectors
 
-    def turns(self, pairs: np.ndarray) -> np.ndarray | None:
-        """Return ``R^T`` of pairs, (p, d, d); None where nothing turns.
+    def turns(self, pairs: np.ndarray, d: int) -> np.ndarray:
+        """Return ``R^T`` of pairs, shape (p, d, d).
 
         Args:
             pairs: Numbers of the nodes, whose frames these are, pair by pair, shape (p,
                 2).
+            d: The dimension.
         """
-        return None
+        return np.broadcast_to(np.eye(d), (len(pairs), d, d))
 
     @property
     def factors(self) -> np.ndarray | float:
@@ -129,9 +130,9 @@ class Frames(Upright):
         """Return vectors in the frames of groups at the nodes, ``Q^T v``."""
         return np.asarray(np.matmul(vectors[:, None], self._q)[:, 0])
 
-    def turns(self, pairs: np.ndarray) -> np.ndarray | None:
+    def turns(self, pairs: np.ndarray, d: int) -> np.ndarray:
         """Return ``R^T`` of pairs, see :meth:`Upright.turns`."""
-        here, there = self._q.reshape(len(pairs), 2, *self._q.shape[1:]).swapaxes(0, 1)
+        here, there = self._q.reshape(len(pairs), 2, d, d).swapaxes(0, 1)
         turns = np.matmul(here.swapaxes(1, 2), there)
         faces_itself = pairs[:, 0] == pairs[:, 1]
         turns[faces_itself] = self._around[::2][faces_itself].swapaxes(1, 2)
