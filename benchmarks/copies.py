@@ -14,11 +14,11 @@ A case is one of
 
 The intervals of the energy on a coarse mesh, of degree 1 and 2, must contain the energy
 of degree 2 on a mesh that is refined twice, in 3D once, up to its own error; and u^
-must fit across the sides. The energy of u^ is evaluated anew, by forms of DOLFINx from the fields
-alone, and the index is e over the error of u^. Each sector is compared with the whole
-disc, on a mesh of its own, and each wedge with the body whose mesh is its copies. There
-displacements are the same to round-off, unless a contact slips where it meets a side:
-its two nodes share a force that is the force of one node of the whole.
+must fit across the sides. The energy of u^ is evaluated anew, by forms of DOLFINx from
+the fields alone, and the index is e over the error of u^. Each sector is compared with
+the whole disc, on a mesh of its own, and each wedge with the body whose mesh is its
+copies. There displacements are the same to round-off, unless a contact slips where it
+meets a side: its two nodes share a force that is the force of one node of the whole.
 
     OMP_NUM_THREADS=1 python benchmarks/copies.py [cases] [seed]
 """
