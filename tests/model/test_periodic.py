@@ -221,7 +221,9 @@ def disc(d, sectors, copies=1, *, along=2, tilt=0.0, comm=COMM):
         cells = np.concatenate([first, second, np.column_stack([low[:, :1], high])])
     x, all_cells = [], []
     for half in range(2 * copies):
-        angle = np.pi / sectors * (places[:, 1] + half)
+        # Cells differ at both sides, as they may.
+        inside = (0.5 * (places[:, 1] + half % 2)) ** 1.3
+        angle = 2 * np.pi / sectors * (inside + half // 2)
         plane = places[:, :1] * np.column_stack([np.cos(angle), np.sin(angle)])
         for k in range(heights):
             layer = np.column_stack([plane, np.full(n, 0.5 * k)])
@@ -257,8 +259,8 @@ def test_sides_may_meet_on_the_axis(d, sectors, degree):
     flat = ufl.as_matrix(np.diag((1.0, 1.0, 0.0)[:d]))
     rim = ec.Contact(
         "outer",
-        friction=ec.Tresca(0.02),
-        bilateral=True,
+        friction=ec.Tresca(0.002),
+        gap=-0.003,
         normal=lambda x: flat * x / ufl.sqrt(ufl.dot(flat * x, x)),
     )
     scene = ec.Scene(ec.Elastic(1.0, 0.3), loads=[ec.BodyForce(force)], contacts=rim)
@@ -270,13 +272,17 @@ def test_sides_may_meet_on_the_axis(d, sectors, degree):
     of_whole = every.solution.at(x[:, :d]).displacement
     # Both are known up to a motion along the axis.
     u[:, 2:] -= (u - of_whole)[:, 2:].mean(axis=0)
-    assert abs(of_whole - u).max() < 1e-10 * abs(u).max()
+    assert abs(of_whole - u).max() < 1e-8 * abs(u).max()
+    slips = one.profile("outer")["status"] == ec.results.SLIP
+    assert slips.any() or d == 2
     on_axis = np.hypot(x[:, 0], x[:, 1]) < 1e-12
     assert on_axis.any()
     u_hat = one.admissible.displacement.x.array.reshape(-1, d)
     assert abs(u_hat[on_axis, :2]).max() == 0.0
     energies = [ec.potential_energy(error) for error in (one, every)]
-    assert np.isclose(sectors * energies[0].value, energies[1].value, rtol=1e-12)
+    # What is closed at a node is chosen by r^, which is another one at the sides.
+    same = 1e-4 if slips.any() else 1e-12
+    assert np.isclose(sectors * energies[0].value, energies[1].value, rtol=same)
     assert sectors * energies[0].low < energies[1].value
     assert_fits(one)
 

@@ -157,7 +157,9 @@ def curved_sector(d):
         for angle in (0.0, turn):
             angles = angle + 0.25 * np.sin(np.pi * (radii - 1.0))
             x, y = radii * np.cos(angles), radii * np.sin(angles)
-            sides.append([occ.addPoint(*at, 0, 0.18 - 0.05 * angle) for at in zip(x, y, strict=True)])
+            sides.append(
+                [occ.addPoint(*at, 0, 0.18 - 0.05 * angle) for at in zip(x, y, strict=True)]
+            )
         (low_in, *_, low_out), (cut_in, *_, cut_out) = sides
         low, cut = (occ.addSpline(points) for points in sides)
         inner = occ.addCircleArc(low_in, centre, cut_in)

@@ -65,6 +65,7 @@ class Groups:
         whole: B with the columns that supports fix, shape (G, d, R, C).
         is_free: Components that no support fixes, shape (G, d, C).
         jumps: B, shape (G, d, R, C).
+        frames_of_rows: Frames in which rows read what B says.
     """
 
     def __init__(
@@ -99,7 +100,7 @@ class Groups:
         alone = first[faces_itself]
         of_alone = self.group[alone], slice(None), self.slot_of_row[faces_itself]
         self.whole[*of_alone, self.slot[alone]] = frames.at(alone).factors
-        self._frames_of_rows = frames.at(first).of_jumps(faces_itself)
+        self.frames_of_rows = frames.at(first).of_jumps(faces_itself)
         self.is_free = np.zeros((count, d, width), dtype=bool)
         self.is_free[self.group, :, self.slot] = free
         self.jumps = self.whole * self.is_free[:, :, None]
@@ -222,7 +223,7 @@ class Groups:
         of_rows = blocks[self.group_of_row, :, self.slot_of_row]
         row, component, j = np.nonzero(of_rows)
         nodes = self._table[self.group_of_row[row], j]
-        frames = self._frames_of_rows.at(row)
+        frames = self.frames_of_rows.at(row)
         turned = frames.entries(self.frames.at(nodes), component, of_rows[row, component, j])
         place, of_row, column, values = turned
         dofs = self.numbers[nodes[place]] * self._d + column
