@@ -17,8 +17,7 @@ of degree 2 on a mesh that is refined twice, in 3D once, up to its own error; an
 must fit across the sides. The energy of u^ is evaluated anew, by forms of DOLFINx from
 the fields alone, and the index is e over the error of u^. Each sector is compared with
 the whole disc, on a mesh of its own, and each wedge with the body whose mesh is its
-copies. There displacements are the same to round-off, unless a contact slips where it
-meets a side: its two nodes share a force that is the force of one node of the whole.
+copies.
 
     OMP_NUM_THREADS=1 python benchmarks/copies.py [cases] [seed]
 """
