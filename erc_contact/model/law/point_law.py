@@ -445,7 +445,7 @@ class PointLaw:
             if not goes_on.any():
                 break
             left, slope, step = left[goes_on], slope[goes_on], step[goes_on]
-            # psi* is convex: the sign of its slope tells on which side the minimum lies.
+            # psi* is convex: the sign of its slope tells on which side its minimum is.
             # Across kinks of the hardening, steps of Newton's method may go to and fro.
             at = numbers[left, zz]
             low[left] = np.where(slope < 0, at, low[left])
