@@ -85,9 +85,14 @@ class LimitOfTheory:
 
 def doubts(solution: Solution) -> Doubts:
     """Find what is doubtful in a solution; collective."""
-    if solution.at_rest:
+    if _stays(solution):
         return {}
     return _told(beyond_theory(solution)) | _other_doubts(solution)
+
+
+def _stays(solution: Solution) -> bool:
+    """Tell whether the body is at rest where it was; collective."""
+    return solution.at_rest and greatest(solution.domain.comm, solution.u.x.array) == 0.0
 
 
 def _told(limits: dict[str, LimitOfTheory]) -> Doubts:
@@ -113,7 +118,7 @@ def _other_doubts(solution: Solution) -> Doubts:
 
 def beyond_theory(solution: Solution) -> dict[str, LimitOfTheory]:
     """Find where displacements are not small, by the kind of the doubt; collective."""
-    if solution.at_rest:
+    if _stays(solution):
         return {}
     return _of_size(solution) | _of_distortion(solution) | _of_statics(solution)
 
@@ -162,7 +167,7 @@ class DoubtsOfRun:
 
     def see(self, solution: Solution) -> None:
         """Tell what is new in a solution, but for what is told at the end."""
-        if solution.at_rest:
+        if _stays(solution):
             return
         self._last = solution
         limits = _of_size(solution) | _of_distortion(solution)

@@ -1,4 +1,4 @@
-"""Bodies at rest: nothing loads or moves them.
+"""Bodies at rest: nothing loads or strains them.
 
 A motion without strain and without contact forces is then exact. Newton's method finds
 round-off there, and what is measured of it later is round-off over round-off.
@@ -21,6 +21,7 @@ from erc_contact.model.data.values import DATA_DEGREE
 from erc_contact.model.model import Model
 from erc_contact.model.motions.rigid_motions import nearest_motion, rigid_motions
 from erc_contact.model.space import Space
+from namedmesh.base.ranks import greatest
 from namedmesh.for_solvers import spread
 from namedmesh.simplex import lattice
 
@@ -68,8 +69,10 @@ def displacement_back_at_rest(
 ) -> fem.Function | None:
     """Return the displacement of a body that is back at rest [length]; collective.
 
-    It is the rigid motion nearest to a solution that differs from it by round-off of
-    the history. Nothing loads the body, and no friction without pressure acts on it.
+    It is the rigid motion nearest to a solution that differs from it by round-off: of
+    the history, or in a first step of the motion, by which supports and foundations
+    move a body together. Nothing loads the body, and no friction without pressure acts
+    on it.
 
     Args:
         model: The scene on a mesh.
@@ -77,14 +80,15 @@ def displacement_back_at_rest(
         u: The solution [length].
 
     Returns:
-        A new Function; None if the body is not at rest, or without history.
+        A new Function; None if the body is not at rest.
     """
     space = model.space
-    greatest = model.greatest_before.displacement
-    if greatest == 0 or _is_loaded(model, loads):
+    if _is_loaded(model, loads):
         return None
-    # Supports that move tell a small strain from a rigid motion to more digits.
-    round_off = (HISTORY_ROUND_OFF if _is_moved(model) else SOLVED) * greatest
+    before = model.greatest_before.displacement
+    # Supports that move tell a small strain from a motion before to more digits.
+    share = HISTORY_ROUND_OFF if before > 0 and _is_moved(model) else SOLVED
+    round_off = share * (before or greatest(space.comm, u.x.array))
     motions = rigid_motions(space).reshape(len(u.x.array), -1)
     displacement = space.function()
     displacement.x.array[:] = motions @ nearest_motion(space, motions, u.x.array)
