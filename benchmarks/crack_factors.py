@@ -4,8 +4,8 @@ A crack of random length and direction is at a side of a plate or inside it, str
 with up to three bends. The plate is pulled, sheared and turned, and its crack is open,
 under pressure, or closed without friction; the strain or the stress is plane, or the
 plate is the section of a ring of radius 1.2 to 100, Poisson's ratio from 0 to 0.49.
-Each factor is asked on a coarse and on a fine mesh, with both degrees and two radii, and
-in plates with a third one, beyond the bends: all proved intervals have to share a
+Each factor is asked on a coarse and on a fine mesh, with both degrees and two radii,
+and in plates with a third one, beyond the bends: all proved intervals have to share a
 number.
 
 - width: half of the interval over the largest factor of the scene, on the coarse mesh;
