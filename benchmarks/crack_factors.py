@@ -34,8 +34,8 @@ RADII = (0.9, 0.5)
 """Radii around the tip over what there is room for before a bend [-]."""
 BEYOND_BENDS = 0.9
 """Likewise, over what there is room for with the bends [-]."""
-LEAST_PIECE = 0.1
-"""Least part of a crack between bends [-]."""
+LEAST_PIECE = 0.08
+"""Least length of the pieces of a crack [length]."""
 SIZES = (0.2, 0.08)
 """Sizes of elements of both meshes, over the plate and, at a crack, over it [-]."""
 
@@ -74,10 +74,7 @@ def random_crack(rng: np.random.Generator) -> Crack:
     tip = root + length * np.array([np.cos(angle), np.sin(angle)])
     places = np.array([root, tip])
     if rng.random() < 0.6:
-        aside = np.array([-np.sin(angle), np.cos(angle)])
-        shares = random_shares(rng)[:, None]
-        bends = root + shares * (tip - root) + rng.uniform(-0.1, 0.1, shares.shape) * aside
-        places = np.array([root, *bends, tip])
+        places = bent(rng, root, tip)
     straight, whole = np.linalg.norm(tip - places[[-2, 0]], axis=1)
     to_side = (1 - abs(tip)).min()
     radii = [float(share * min(straight, to_side)) for share in RADII]
@@ -87,12 +84,19 @@ def random_crack(rng: np.random.Generator) -> Crack:
     return Crack(places, radii, middle)
 
 
-def random_shares(rng: np.random.Generator) -> np.ndarray:
-    """Return the places of one to three bends over the length of a crack [-]."""
+def bent(rng: np.random.Generator, root: np.ndarray, tip: np.ndarray) -> np.ndarray:
+    """Return the places of a crack with bends that goes on away from its tip."""
+    way = tip - root
+    aside = np.array([-way[1], way[0]])
     while True:
-        shares = np.sort(rng.uniform(LEAST_PIECE, 1 - LEAST_PIECE, rng.integers(1, 4)))
-        if np.diff(shares).min(initial=1.0) > LEAST_PIECE:
-            return shares
+        shares = np.sort(rng.uniform(0.1, 0.9, rng.integers(1, 4)))[:, None]
+        bends = root + shares * way + rng.uniform(-0.15, 0.15, shares.shape) * aside
+        places = np.array([root, *bends, tip])
+        pieces = np.diff(places, axis=0)
+        to_tip = tip - places[1:]
+        nears_tip = (pieces * to_tip).sum(axis=1)[:-1] > 0
+        if nears_tip.all() and np.linalg.norm(pieces, axis=1).min() > LEAST_PIECE:
+            return places
 
 
 def plate(crack: Crack, size: float) -> ec.Domain:

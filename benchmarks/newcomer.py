@@ -39,32 +39,32 @@ def block() -> ec.Domain:
 
 def plane() -> None:
     """Press a block on a foundation, to 10%."""
-    ec.adapt(ec.Scene(STEEL, PRESSED, [], FOOT), block(), accuracy=0.1)
+    ec.adapt(ec.Scene(STEEL, [PRESSED], [], [FOOT]), block(), accuracy=0.1)
 
 
 def degree_2() -> None:
     """Press it with quadratic elements, to 1%."""
-    ec.adapt(ec.Scene(STEEL, PRESSED, [], FOOT), block(), accuracy=0.01, degree=2)
+    ec.adapt(ec.Scene(STEEL, [PRESSED], [], [FOOT]), block(), accuracy=0.01, degree=2)
 
 
 def loaded() -> None:
     """Load it by a pressure and its weight, with a gap."""
-    loads = [ec.Traction("top", pressure=0.01), ec.BodyForce((0.0, -0.001))]
+    loads: list[ec.Load] = [ec.Traction("top", pressure=0.01), ec.BodyForce((0.0, -0.001))]
     foot = ec.Contact("bottom", friction=0.3, gap=lambda x: 1e-3 * x[0])
-    ec.adapt(ec.Scene(STEEL, [], loads, foot), block(), accuracy=0.1)
+    ec.adapt(ec.Scene(STEEL, [], loads, [foot]), block(), accuracy=0.1)
 
 
 def ring() -> None:
     """Press a ring."""
     law = ec.Elastic(1.0, 0.3, hypothesis="axisymmetric")
-    scene = ec.Scene(law, ec.Displacement("top", (None, -0.02)), [], FOOT)
+    scene = ec.Scene(law, [ec.Displacement("top", (None, -0.02))], [], [FOOT])
     ec.adapt(scene, block(), accuracy=0.1)
 
 
 def in_space() -> None:
     """Press a box."""
     box = ec.box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), cells=(3, 3, 3))
-    scene = ec.Scene(STEEL, ec.Displacement("top", (0.01, 0.0, -0.02)), [], FOOT)
+    scene = ec.Scene(STEEL, [ec.Displacement("top", (0.01, 0.0, -0.02))], [], [FOOT])
     ec.adapt(scene, box, accuracy=0.2)
 
 
@@ -75,13 +75,13 @@ def two_bodies() -> None:
     moved, held = (0.0, -0.02), (0.0, 0.0)
     supports = [ec.Displacement("upper top", moved), ec.Displacement("lower bottom", held)]
     joint = ec.Contact("upper bottom", against="lower top", friction=0.3)
-    ec.adapt(ec.Scene(STEEL, supports, [], joint), both, accuracy=0.1)
+    ec.adapt(ec.Scene(STEEL, supports, [], [joint]), both, accuracy=0.1)
 
 
 def plastic() -> None:
     """Press a block until it yields."""
     law = ec.Plastic(1.0, 0.3, yield_stress=0.01, hardening=0.05)
-    ec.adapt(ec.Scene(law, PRESSED, [], FOOT), block(), accuracy=0.3)
+    ec.adapt(ec.Scene(law, [PRESSED], [], [FOOT]), block(), accuracy=0.3)
 
 
 def history() -> None:
@@ -89,21 +89,21 @@ def history() -> None:
 
     def scene_at(t: float) -> ec.Scene:
         push = 0.005 * min(t, 4.0 - t)
-        return ec.Scene(STEEL, ec.Displacement("top", (push, -0.02)), [], FOOT)
+        return ec.Scene(STEEL, [ec.Displacement("top", (push, -0.02))], [], [FOOT])
 
     ec.evolve(scene_at, block(), [0.0, 1.0, 2.0, 3.0], accuracy=0.2)
 
 
 def goal() -> None:
     """Bound the force that pushes a block without friction."""
-    scene = ec.Scene(STEEL, PRESSED, [], ec.Contact("bottom"))
+    scene = ec.Scene(STEEL, [PRESSED], [], [ec.Contact("bottom")])
     ec.adapt(scene, block(), goal=ec.Resultant("top", (0.0, 1.0)), accuracy=0.05)
 
 
 def pictures() -> None:
     """Save a report with its pictures."""
     with tempfile.TemporaryDirectory() as folder:
-        history = ec.adapt(ec.Scene(STEEL, PRESSED, [], FOOT), block(), accuracy=0.1)
+        history = ec.adapt(ec.Scene(STEEL, [PRESSED], [], [FOOT]), block(), accuracy=0.1)
         history.save(folder, pictures=True)
 
 

@@ -14,7 +14,7 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.logs import log_of
-from erc_contact.model.contact.contact_values import gap_at_nodes
+from erc_contact.model.contact.contact_values import distance_at_nodes
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.trace import Trace
 from erc_contact.model.model import Model
@@ -331,9 +331,7 @@ def _of_contact(model: Model, contact: ContactOnMesh, solution: Solution, moved:
             f"mostly below 1, and above {FRICTION:g} it is rather meant in percent (30% is "
             "0.3) or in degrees (30 are 0.577)."
         )
-    w = contact.trace.of(solution.u.x.array)
-    approach = (w * contact.trace.normals).sum(axis=-1)
-    distances = gap_at_nodes(model.space, contact) - approach
+    distances = distance_at_nodes(model.space, contact, solution.u.x.array)
     distance, _ = model.space.extremes(distances)
     apart = not contact.bilateral and distance > APART * moved
     if apart and not _presses(contact, solution, moved + distances.max(axis=1, initial=0.0)):

@@ -77,6 +77,21 @@ def test_bodies_that_a_foundation_carries_are_at_rest(friction):
     assert error.absolute < 1e-6 * turn  # the root of round-off
 
 
+@pytest.mark.parametrize("stiffness", [1e-8, 1e-11], ids=["soft", "softer"])
+def test_a_stiff_body_on_a_soft_foundation_is_no_rest(stiffness):
+    """It moves as a rigid body to all digits, and presses the foundation all the same."""
+    sunk = 1e-3
+    scene = ec.Scene(
+        ec.Elastic(1.0, 0.3),
+        [ec.Displacement("top", (0.0, -sunk))],
+        contacts=[ec.Contact("bottom", foundation=ec.Foundation(stiffness))],
+    )
+    solution = ec.solve(scene, body(2))
+    assert not solution.at_rest
+    force = ec.constitutive_error(ec.equilibrate(solution)).force("bottom").force
+    assert force[1] == pytest.approx(stiffness * sunk, rel=1e-3)
+
+
 def test_a_support_that_carries_a_body_away_is_told(caplog):
     lifted = ec.Displacement("top", (0.0, 0.3))
     scene = ec.Scene(ec.Elastic(1.0, 0.3), lifted, [], ec.Contact("bottom"))
