@@ -231,11 +231,12 @@ class MultiplierMap:
         """
         rows, groups = self.rows, self.groups
         stiffness = np.zeros(len(rows.here))
-        copies = self._copies()
+        copies, of_sides = self._copies()
         means = []
         for k in reversed(range(len(self.contacts))):
             mean, stiffness[rows.places[k]] = self._of_copies(k, copies)
             means.append(mean)
+        stiffness[of_sides] *= BEYOND
         of_copies = zip(estimates, means[::-1], strict=True)
         estimates = [matrix if mean is None else mean @ matrix for matrix, mean in of_copies]
         jumps = self._from_nodes(groups.jumps, self.free)
@@ -265,20 +266,21 @@ class MultiplierMap:
             matrices.append(estimates[k] + diags_array(inverse) @ force)
         return matrices
 
-    def _copies(self) -> np.ndarray:
-        """Return a number for each row, the same for rows at copies of a node, (n,).
+    def _copies(self) -> tuple[np.ndarray, np.ndarray]:
+        """Number rows at copies of a node alike, and mark rows of sides, (n,) each.
 
-        Rows that are not shared have a number of their own.
+        Rows of sides, and rows that are not shared, have a number of their own.
         """
-        pairs = []
-        for contact, places in zip(self._model.contacts, self.rows.places, strict=True):
-            if contact.is_periodic:
-                pairs.append(np.column_stack([self.rows.here[places], self.rows.there[places]]))
-        numbers = self.groups.numbers
-        links = np.searchsorted(numbers, np.concatenate([np.zeros((0, 2), dtype=int), *pairs]))
-        copies = components(len(numbers), links)[np.searchsorted(numbers, self.rows.here)]
-        own_number = len(numbers) + np.arange(len(copies))
-        return np.where(self.is_shared.any(axis=1), copies, own_number)
+        rows, numbers = self.rows, self.groups.numbers
+        of_sides = np.zeros(len(rows.here), dtype=bool)
+        for contact, places in zip(self._model.contacts, rows.places, strict=True):
+            of_sides[places] |= contact.is_periodic
+        pairs = np.column_stack([rows.here[of_sides], rows.there[of_sides]])
+        copies = components(len(numbers), np.searchsorted(numbers, pairs))
+        own_number = len(numbers) + np.arange(len(rows.here))
+        has_copies = self.is_shared.any(axis=1) & ~of_sides
+        of_rows = copies[np.searchsorted(numbers, rows.here)]
+        return np.where(has_copies, of_rows, own_number), of_sides
 
     def _of_copies(self, k: int, copies: np.ndarray) -> tuple[csr_array | None, np.ndarray]:
         """Return the mean of multipliers over copies of nodes, and stiffnesses.
@@ -292,8 +294,6 @@ class MultiplierMap:
             and the stiffness of each row of the contact [force/length].
         """
         contact, places, d = self.contacts[k], self.rows.places[k], self.rows.d
-        if self._model.contacts[k].is_periodic:
-            return None, BEYOND * contact.stiffness
         _, of_row = np.unique(copies[places], return_inverse=True)
         if len(np.unique(of_row)) == len(places):
             return None, contact.stiffness
