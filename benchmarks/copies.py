@@ -7,13 +7,17 @@ A case is one of
 - wave: a wavy surface pressed on a plane without friction or with Tresca's, its crest
   anywhere, whose sides are kept apart, strained or without a force;
 - sector: a sector of a bladed disc under rotation;
-- fit: a sector of a frictionless press fit near opening.
+- fit: a sector of a frictionless press fit near opening;
+- wedge: a sector of a full disc or cylinder, of 2 to 6 sectors, whose sides meet on the
+  axis: under rotation and pressure, or pressed into a ring with Tresca's friction, with
+  a torque.
 
 The intervals of the energy on a coarse mesh, of degree 1 and 2, must contain the energy
-of degree 2 on a mesh that is refined twice, up to its own error; and u^ must fit across
-the sides. The energy of u^ is evaluated anew, by forms of DOLFINx from the fields
-alone, and the index is e over the error of u^. Each sector is compared with the whole
-disc, on a mesh of its own.
+of degree 2 on a mesh that is refined twice, in 3D once, up to its own error; and u^
+must fit across the sides. The energy of u^ is evaluated anew, by forms of DOLFINx from
+the fields alone, and the index is e over the error of u^. Each sector is compared with
+the whole disc, on a mesh of its own, and each wedge with the body whose mesh is its
+copies.
 
     OMP_NUM_THREADS=1 python benchmarks/copies.py [cases] [seed]
 """
@@ -31,6 +35,7 @@ import erc_contact as ec
 import numpy as np  # isort: skip - after erc_contact, which loads MPI first
 import ufl  # isort: skip
 from dolfinx import fem  # isort: skip
+from full_sectors import all_sectors, full_sector  # isort: skip
 from reference_copies import bladed, perforated_cell, sector_of_fit  # isort: skip
 
 E, NU = 1.0, 0.3
@@ -51,11 +56,11 @@ class Case:
         kind: Its name in the table.
         scene: The scene.
         domain: Its coarse mesh.
-        tresca: A level part with Tresca friction, and its bound [force/area]; None
-            without.
+        tresca: A part with Tresca friction, and its bound [force/area]; None without.
         whole: The whole body, whose energy is ``sectors`` times the energy; None where
             it is not compared.
         sectors: Number of sectors.
+        is_of_copies: Whether the mesh of the whole body is the copies of the mesh.
     """
 
     kind: str
@@ -64,6 +69,7 @@ class Case:
     tresca: tuple[str, float] | None = None
     whole: ec.Domain | None = None
     sectors: int = 1
+    is_of_copies: bool = False
 
 
 def cell(rng: np.random.Generator) -> Case:
@@ -138,12 +144,44 @@ def fit(rng: np.random.Generator) -> Case:
     return Case("fit", scene, sector_of_fit(*radii.tolist()))
 
 
-KINDS: tuple[Callable[[np.random.Generator], Case], ...] = (cell, wave, sector, fit)
+def from_axis(x: Any) -> Any:
+    """Return the direction from the axis, in the plane or in 3D, UFL."""
+    flat = ufl.as_vector([x[0], x[1], *(0.0 * x[i] for i in range(2, len(x)))])
+    return flat / ufl.sqrt(ufl.dot(flat, flat))
 
 
-def certified(case: Case, domain: ec.Domain, degree: int) -> ec.ConstitutiveError:
+def wedge(rng: np.random.Generator) -> Case:
+    """Return a sector of a full disc or cylinder, whose sides meet on the axis."""
+    d, sectors = int(rng.integers(2, 4)), int(rng.integers(2, 7))
+    axis = (0.0, 0.0) if d == 2 else ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    sides: list[Any] = [ec.Cyclic("low", "cut", axis=axis, sectors=sectors)]
+    pull, twist = rng.uniform(0.5, 1.0) * 1e-3, 0.0
+    loads: list[Any] = []
+    contacts: list[Any] = []
+    tresca = None
+    if rng.random() < 0.5:
+        loads.append(ec.Traction("rim", pressure=rng.uniform(0.001, 0.003)))
+    else:
+        twist = rng.normal() * 1e-3
+        tresca = "rim", rng.uniform(0.001, 0.003)
+        law = ec.Tresca(tresca[1])
+        contacts.append(ec.Contact("rim", gap=-0.003, friction=law, normal=from_axis))
+    force = [lambda x: pull * x[0] - twist * x[1], lambda x: pull * x[1] + twist * x[0]]
+    loads.append(ec.BodyForce((*force, lambda x: 0.0 * x[0])[:d]))
+    domain = full_sector(d, sectors, rng.uniform(0.35, 0.5))
+    scene = ec.Scene(ec.Elastic(E, NU), sides, loads, contacts)
+    return Case("wedge", scene, domain, tresca, all_sectors(domain, sectors), sectors, True)
+
+
+KINDS: tuple[Callable[[np.random.Generator], Case], ...] = (cell, wave, sector, fit, wedge)
+
+
+def certified(
+    case: Case, domain: ec.Domain, degree: int, method: ec.Method | None = None
+) -> ec.ConstitutiveError:
     """Return the error of a case on a mesh."""
-    return ec.constitutive_error(ec.equilibrate(ec.solve(case.scene, domain, degree=degree)))
+    solution = ec.solve(case.scene, domain, method, degree=degree)
+    return ec.constitutive_error(ec.equilibrate(solution))
 
 
 def energy_anew(case: Case, error: ec.ConstitutiveError) -> float:
@@ -157,7 +195,7 @@ def energy_anew(case: Case, error: ec.ConstitutiveError) -> float:
     given: Any = error.solution.scene.material
     modulus = given.E(x) if callable(given.E) else given.E
     strain = ufl.sym(ufl.grad(u))
-    stress = NU / (1 - 2 * NU) * ufl.tr(strain) * ufl.Identity(2) + strain
+    stress = NU / (1 - 2 * NU) * ufl.tr(strain) * ufl.Identity(mesh.geometry.dim) + strain
     terms = [0.5 * modulus / (1 + NU) * ufl.inner(stress, strain) * dx]
     for load in case.scene.loads:
         if isinstance(load, ec.BodyForce):
@@ -166,10 +204,13 @@ def energy_anew(case: Case, error: ec.ConstitutiveError) -> float:
             terms.append(-ufl.inner(force, u) * dx)
         else:
             pressed: Any = load
-            terms.append(pressed.pressure * u[1] * ds(error.domain.names[pressed.facets]))
+            normal_part = ufl.dot(u, ufl.FacetNormal(mesh))
+            terms.append(pressed.pressure * normal_part * ds(error.domain.names[pressed.facets]))
     if case.tresca is not None:
         part, bound = case.tresca
-        terms.append(bound * abs(u[0]) * ds(error.domain.names[part]))
+        n = from_axis(x) if case.is_of_copies else ufl.FacetNormal(mesh)
+        slip = u - ufl.dot(u, n) * n
+        terms.append(bound * ufl.sqrt(ufl.dot(slip, slip)) * ds(error.domain.names[part]))
     total = float(sum(fem.assemble_scalar(fem.form(term)) for term in terms))
     # A mean stress does work on the jump of u^, on sides without holes.
     corners = mesh.geometry.x
@@ -197,7 +238,9 @@ def misfit(error: ec.ConstitutiveError) -> float:
 def measured(case: Case, degree: int) -> dict[str, float]:
     """Return what a case shows: violations, index, differences, widths."""
     coarse = certified(case, case.domain, degree)
-    fine = certified(case, case.domain.refined().refined(), 2)
+    # The domain of the error knows its sides, which are refined alike.
+    finer = coarse.domain.refined()
+    fine = certified(case, finer.refined() if finer.dim == 2 else finer, 2)
     bounds, within = ec.potential_energy(coarse), ec.potential_energy(fine)
     size = SAME * abs(within.value)
     violated = bounds.low > within.high + size or bounds.high < within.low - size
@@ -213,7 +256,9 @@ def measured(case: Case, degree: int) -> dict[str, float]:
         # Twice the excess of energy is the square of the error of u^.
         excess = bounds.value - 0.5 * (within.low + within.value)
         result["e over the error of u^"] = coarse.absolute / np.sqrt(2 * excess)
-    if case.whole is not None:
+    if case.is_of_copies:
+        result |= beside_copies(case, degree)
+    elif case.whole is not None:
         # A whole disc has no sides, and lies on the axis that its sectors turn about.
         whole = replace(case.scene, supports=[], contacts=[])
         every = ec.potential_energy(certified(replace(case, scene=whole), case.whole, 2))
@@ -222,6 +267,36 @@ def measured(case: Case, degree: int) -> dict[str, float]:
         result["whole beside sectors"] = abs(every.value / middle - 1)
         result["violations"] += float(beyond > SAME * abs(middle))
     return result
+
+
+def beside_copies(case: Case, degree: int) -> dict[str, float]:
+    """Compare a sector with the body whose mesh is its copies.
+
+    At the sides r^ is the multiplier, elsewhere it is chosen for sigma^. So e differs,
+    and at a contact, where r^ chooses what is closed, u^ does a little.
+    """
+    assert case.whole is not None
+    method = ec.AugmentedLagrangian()
+    whole = replace(case.scene, contacts=case.scene.contacts[:-1])
+    one = certified(case, case.domain, degree, method)
+    every = certified(replace(case, scene=whole), case.whole, degree, method)
+    u = one.solution.u
+    # Points on the rim may be beside the body by round-off.
+    x = (1 - 1e-13) * u.function_space.tabulate_dof_coordinates()
+    values = u.x.array.reshape(len(x), -1)
+    apart = every.solution.at(x[:, : values.shape[1]]).displacement - values
+    # Both are known up to a motion along the axis, and without contact to a turn.
+    motions = np.zeros((*values.shape, 2))
+    motions[:, :2, 0] = np.column_stack([-x[:, 1], x[:, 0]])
+    motions[:, 2:, 1] = 1.0
+    flat = motions.reshape(-1, 2)
+    left = apart.ravel() - flat @ np.linalg.lstsq(flat, apart.ravel(), rcond=None)[0]
+    energies = [ec.potential_energy(error).value for error in (one, every)]
+    return {
+        "u beside copies": float(abs(left).max() / abs(values).max()),
+        "energy beside copies": abs(case.sectors * energies[0] / energies[1] - 1),
+        "e beside copies": np.sqrt(case.sectors) * one.absolute / every.absolute,
+    }
 
 
 def quantiles(values: Sequence[float]) -> str:

@@ -46,7 +46,6 @@ from erc_contact.error.strategy import largest, refined
 from erc_contact.error.transfer import gain_in_file, transfer_squares
 from erc_contact.model.contact.contact_values import distance_at_nodes
 from erc_contact.model.files import interpolated
-from erc_contact.model.given_forces import stressed_sides
 from erc_contact.model.law.constitution import act
 from erc_contact.model.model import Model
 from erc_contact.model.promises import bind
@@ -233,7 +232,8 @@ def certify(
 
     Args:
         scene: The problem that u is to solve. Preloads by a force get the shifts that
-            the file of u has; ``error.solution.scene`` tells them.
+            the file of u has, and periodic sides under a mean stress the mean strain of
+            u; ``error.solution.scene`` tells them.
         domain: The mesh on which u lives.
         u: The displacement [length]: a DOLFINx Function on ``domain.mesh``; or a
             callable of points of shape (d, n), which returns values of shape (d, n); or
@@ -407,13 +407,6 @@ def _refuse_unknown_shifts(scene: Scene) -> None:
     """
     preloads = [tie for tie in scene.ties if isinstance(tie, Preload)]
     unknown = [tie.facets for tie in preloads if tie.shortening is None]
-    stressed = [sides.facets for sides in stressed_sides(scene.contacts)]
-    if stressed:
-        raise InputError(
-            f"certify: the mean strain of the periodic sides at {stressed} is not known; give"
-            " mean_strain= as the other code has it, or solve the scene with ec.adapt, which finds"
-            " it."
-        )
     if unknown:
         raise InputError(
             f"certify: the shifts of the preloads at {unknown} are not known; give the file of the "

@@ -19,7 +19,7 @@ from erc_contact.model.contact.periodic import area_vector, pair_of
 from erc_contact.model.model import Model
 from erc_contact.model.space import Space
 from erc_contact.scene.contact import Contact, Symmetry
-from erc_contact.scene.periodic import Periodic
+from erc_contact.scene.periodic import Periodic, translated_sides
 from namedmesh.base.names import known_names
 
 MOST_COPIES = 400
@@ -90,9 +90,8 @@ def shown_copies(model: Model, what: str) -> list[tuple[Motion, np.ndarray]]:
     """
     d = model.space.d
     translations = []
-    for entry in model.scene.contacts:
-        if isinstance(entry, Periodic):
-            translations.append(jump_of(model.space, entry))
+    for entry in translated_sides(model.scene.contacts):
+        translations.append(jump_of(model.space, entry))
     copies = []
     for linear, offset in closed_copies(model, what):
         for multiples in product(NEIGHBOURS, repeat=len(translations)):
@@ -136,7 +135,7 @@ def mean_strain(space: Space, contacts: Sequence[Contact], part: str) -> np.ndar
     Raises:
         InputError: If no periodic sides have this part.
     """
-    periodic = [entry for entry in contacts if isinstance(entry, Periodic)]
+    periodic = translated_sides(contacts)
     for entry in periodic:
         if part in entry.sides:
             shift, jump = jump_of(space, entry)

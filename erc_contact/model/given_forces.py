@@ -17,7 +17,7 @@ from erc_contact.model.contact.periodic import area_vector, pair_of
 from erc_contact.model.model import Model
 from erc_contact.model.space import Space
 from erc_contact.scene.contact import Contact
-from erc_contact.scene.periodic import Periodic
+from erc_contact.scene.periodic import Periodic, translated_sides
 from erc_contact.scene.scene import Scene
 from erc_contact.scene.tied import Preload
 
@@ -89,8 +89,7 @@ def stiffnesses(space: Space, forces: Sequence[GivenForce]) -> np.ndarray:
 
 def stressed_sides(contacts: Sequence[Contact]) -> list[Periodic]:
     """Return the periodic sides with a mean stress among contacts."""
-    sides = [entry for entry in contacts if isinstance(entry, Periodic)]
-    return [entry for entry in sides if entry.mean_stress is not None]
+    return [entry for entry in translated_sides(contacts) if entry.mean_stress is not None]
 
 
 def shift_name(entry: Periodic, component: int) -> str:

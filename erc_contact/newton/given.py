@@ -21,10 +21,12 @@ from mpi4py import MPI
 from erc_contact.base.exceptions import InputError, together
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.files import values_of_file
+from erc_contact.model.given_forces import stressed_sides
 from erc_contact.model.model import Model
-from erc_contact.model.promises import bind
+from erc_contact.model.promises import bind, bind_nearby
 from erc_contact.model.space import Space
 from erc_contact.newton.arguments import check_arguments
+from erc_contact.newton.given_forces import with_jumps_of, with_shifts
 from erc_contact.newton.linear.choice import multigrid_is_faster
 from erc_contact.newton.linear.loose_multigrid import multigrid_of
 from erc_contact.newton.linear.loose_stiffness import stiffness_of
@@ -70,7 +72,7 @@ def solution_of(
     began = perf_counter()
     comm = domain.comm
     degree = together(comm, _degree, scene, domain, u, degree)
-    model = bind(scene, domain, degree)
+    model = bind(with_shifts(scene, {}), domain, degree)
     displacement = model.space.function()
     given_u = model.space.function()
     given_u.x.array[:] = together(comm, _values, model, u).ravel()
@@ -86,6 +88,9 @@ def solution_of(
             f"{domain.extent:.3g}. It must be below {LARGEST:g} times that; look at its units, or "
             "whether its solver has failed."
         )
+    if stressed_sides(scene.contacts):
+        # Any jump of periodic sides is admissible, too.
+        model = bind_nearby(with_jumps_of(scene, model, given_u), model)
     for face in model.loose_faces:
         # Any motion of the face is admissible: here it is the motion that u has.
         face.follow(model.prescribed, values.reshape(-1, model.space.d))

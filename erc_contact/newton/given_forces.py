@@ -17,9 +17,10 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from dolfinx import fem
 from mpi4py import MPI
 
-from erc_contact.base.exceptions import InputError, NotConverged
+from erc_contact.base.exceptions import InputError, NotConverged, NotHeldError
 from erc_contact.base.logs import log_of
 from erc_contact.model.given_forces import (
     GivenForce,
@@ -30,8 +31,10 @@ from erc_contact.model.given_forces import (
 )
 from erc_contact.model.model import Model
 from erc_contact.newton.solution import Solution
+from erc_contact.newton.statics import jumps_not_held
 from erc_contact.scene.scene import Scene
 from erc_contact.scene.tied import Preload
+from namedmesh.base.names import listed
 
 SAME_FORCE = 1e-8
 """Difference of the force of a bolt from the given one, over the greatest [-]."""
@@ -128,6 +131,35 @@ def without_shifts(scene: Scene) -> Scene:
     return with_shifts(scene, {preload.facets: 0.0 for preload in with_forces(scene)})
 
 
+def with_free_jumps(scene: Scene) -> Scene:
+    """Return a scene whose sides under a mean stress have jumps to be found."""
+    contacts = list(scene.contacts)
+    for entry in stressed_sides(scene.contacts):
+        contacts[contacts.index(entry)] = replace(entry)
+    return replace(scene, contacts=contacts)
+
+
+def with_jumps_of(scene: Scene, model: Model, u: fem.Function) -> Scene:
+    """Return a scene whose sides under a mean stress jump as u; collective.
+
+    The jump is the mean of the jump of u.
+
+    Args:
+        scene: The scene.
+        model: The same bodies and contacts on a mesh.
+        u: A displacement [length].
+    """
+    shifts = shifts_in(scene)
+    for entry in stressed_sides(scene.contacts):
+        trace = model.contact(entry.facets).trace
+        areas = trace.here.owned_areas
+        local = np.append(areas @ trace.of(u.x.array).mean(axis=1), areas.sum())
+        total = model.space.comm.allreduce(local, MPI.SUM)
+        for i, jump in enumerate(-total[:-1] / total[-1]):
+            shifts[shift_name(entry, i)] = float(jump)
+    return with_shifts(scene, shifts)
+
+
 def sought_forces(scene: Scene, model: Model) -> list[GivenForce]:
     """Return the given forces of a scene whose shifts are to be found; collective.
 
@@ -137,6 +169,7 @@ def sought_forces(scene: Scene, model: Model) -> list[GivenForce]:
 
     Raises:
         InputError: If there are none, because a mean stress acts on no side.
+        NotHeldError: If nothing balances the forces of a mean stress.
     """
     sought = [given for given in given_forces(scene, model) if given.shift is None]
     if not sought:
@@ -144,6 +177,17 @@ def sought_forces(scene: Scene, model: Model) -> list[GivenForce]:
         raise InputError(
             f"The mean stress of the sides at {names} has no component that acts on them; give the"
             " components along their normal, or periodic sides across the stress."
+        )
+    of_sides = [given for given in sought if given.of_sides]
+    loose = jumps_not_held(model, model.load_forces(strains=False), of_sides)
+    if loose:
+        told = [f"{given.name} {given.force:.4g}" for given in of_sides if given.name in loose]
+        raise NotHeldError(
+            f"The copies of the body would move against each other without end: no stress and no"
+            f" tractions that the contacts allow balance the forces of the mean stress on"
+            f" {listed(told)}. Give all periodic sides one mean stress, with mean_strain= in place"
+            " of it (None in mean_stress) where neither body nor contacts hold copies; or more"
+            " friction."
         )
     return sought
 

@@ -15,6 +15,7 @@ import numpy as np
 from dolfinx import fem, la
 
 from erc_contact.base.sparse import pattern_of
+from erc_contact.model.contact.groups import numbers_in
 from erc_contact.model.contact.trace import NOBODY
 from erc_contact.model.data.over_ranks import matrix_of_ranks
 from erc_contact.model.model import Model
@@ -91,13 +92,12 @@ class _Read(NamedTuple):
     Attributes:
         here: Their global numbers, ascending, shape (n,).
         there: The nodes of the other body, or ``NOBODY``, shape (n,).
-        turns: ``R^T``, by which the jump sees the other node, shape (n, d, d); None
-            where nothing turns.
+        turns: ``R^T``, by which the jump sees the other node, shape (n, d, d).
     """
 
     here: np.ndarray
     there: np.ndarray
-    turns: np.ndarray | None
+    turns: np.ndarray
 
 
 def _nodes_read(model: Model, number: int | None) -> _Read | None:
@@ -133,49 +133,47 @@ def _places(term: la.MatrixCSR, rows_read: _Read | None, columns_read: _Read | N
     local_rows = np.repeat(np.arange(len(term.indptr) - 1), np.diff(term.indptr))
     rows = row_map.local_to_global(local_rows.astype(np.int32))
     columns = column_map.local_to_global(term.indices)
-    block, row_sign, rows, row_turns = _at_bodies(rows, rows_read)
-    of_columns, column_sign, columns, column_turns = _at_bodies(columns[block], columns_read)
+    block, row_sign, rows, row_turns = _at_bodies(rows, d, rows_read)
+    columns = columns[block]
+    of_columns, column_sign, columns, column_turns = _at_bodies(columns, d, columns_read)
     block, rows = block[of_columns], rows[of_columns]
     sign = row_sign[of_columns] * column_sign
-    if row_turns is not None or column_turns is not None:
-        identity = np.broadcast_to(np.eye(d), (len(block), d, d))
-        left = identity if row_turns is None else row_turns[of_columns]
-        right = identity if column_turns is None else column_turns
-        # B^T T B of blocks: each entry of T counts in all entries of its block.
-        factors = sign[:, None, None, None, None] * np.einsum("nai,nbj->nabij", left, right)
-        number, a, b, i, j = np.nonzero(factors)
-        return _Places(
-            block[number] * d**2 + a * d + b,
-            factors[number, a, b, i, j],
-            rows[number] * d + i,
-            columns[number] * d + j,
-        )
-
-    entry, row, column = np.broadcast_arrays(
-        block[:, None, None] * d**2 + np.arange(d**2).reshape(d, d),
-        rows[:, None, None] * d + np.arange(d)[:, None],
-        columns[:, None, None] * d + np.arange(d),
+    # B^T T B of blocks: each entry of T counts where the turns of both sides take it.
+    of_left, a, i = np.nonzero(row_turns[of_columns])
+    of_right, b, j = np.nonzero(column_turns)
+    counts = np.bincount(of_right, minlength=len(block))
+    left = np.repeat(np.arange(len(of_left)), counts[of_left])
+    of_both = of_left[left]
+    right = (np.cumsum(counts) - counts)[of_both] + numbers_in(left)
+    a, i, b, j = a[left], i[left], b[right], j[right]
+    factors = row_turns[of_columns[of_both], a, i] * column_turns[of_both, b, j]
+    return _Places(
+        block[of_both] * d**2 + a * d + b,
+        sign[of_both] * factors,
+        rows[of_both] * d + i,
+        columns[of_both] * d + j,
     )
-    return _Places(entry.ravel(), np.repeat(sign, d**2), row.ravel(), column.ravel())
 
 
 def _at_bodies(
-    nodes: np.ndarray, read: _Read | None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]:
+    nodes: np.ndarray, d: int, read: _Read | None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Replace jumps by the displacements of both sides.
 
     Away from the contact no form of the jump has entries but round-off.
 
     Args:
         nodes: Global numbers of the nodes of jumps, shape (n,).
+        d: The dimension.
         read: The nodes of the contact, as :func:`_nodes_read` returns them.
 
     Returns:
         For each displacement the number of its jump, the sign, its node, and the turn
-        by which the jump sees it; None where nothing turns.
+        by which the jump sees it, shape (m, d, d).
     """
+    identity = np.broadcast_to(np.eye(d), (len(nodes), d, d))
     if read is None:
-        return np.arange(len(nodes)), np.ones(len(nodes)), nodes, None
+        return np.arange(len(nodes)), np.ones(len(nodes)), nodes, identity
     here, there, turns_there = read
     place = np.minimum(np.searchsorted(here, nodes), len(here) - 1)
     on_this_side = np.flatnonzero(here[place] == nodes)
@@ -184,10 +182,5 @@ def _at_bodies(
     on_other_side = on_this_side[faces]
     number = np.concatenate([on_this_side, on_other_side])
     sign = np.repeat([1.0, -1.0], [len(on_this_side), len(on_other_side)])
-    turns = None
-    if turns_there is not None:
-        identity = np.broadcast_to(
-            np.eye(turns_there.shape[1]), (len(on_this_side), *turns_there.shape[1:])
-        )
-        turns = np.concatenate([identity, turns_there[place[on_other_side]]])
+    turns = np.concatenate([identity[on_this_side], turns_there[place[on_other_side]]])
     return number, sign, np.concatenate([nodes[on_this_side], partners[faces]]), turns

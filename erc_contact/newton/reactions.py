@@ -17,6 +17,10 @@ contact, so that a soft body gets no force that stiff ones leave:
     g = g0 + k B (B^T k B)^+ (r - B^T g0).
 
 A constant stress has so its own tractions. The order of the contacts does not matter.
+Where a contact meets the sides of copies it has as many rows as there are copies of its
+node there. They have one multiplier, as the one node of the whole: the mean of their
+estimates, and stiffnesses like their areas. The sides take what is left, as if k were
+infinite there.
 
 For degree 2, the equations of a multiplier use Bernstein coefficients of u and lambda
 instead of nodal values. With the coefficients ``c = C u``, the forces on them are
@@ -41,7 +45,11 @@ from erc_contact.model.contact.groups import Groups
 from erc_contact.model.contact.trace import NOBODY, dofs_of
 from erc_contact.model.model import Model
 from erc_contact.newton.contact_nodes import Entries, RowsOfAll, contact_nodes, neighbours
+from namedmesh.for_solvers import components
 from namedmesh.simplex import at_nodes, coefficients
+
+BEYOND = 1e7
+"""Stiffness of sides of copies, over the stiffness of bodies in a row [-]."""
 
 
 class MultiplierMap:
@@ -71,8 +79,6 @@ class MultiplierMap:
         self.rows = rows
         nodes = np.unique(np.concatenate([rows.here, rows.there[rows.there != NOBODY]]))
         free = ~gather_prescribed(space, nodes, model.fixed)
-        # Where a contact ends inside a body there is no jump, as where supports fix it.
-        free[np.isin(nodes, model.connections.ends)] = False
         frames = model.connections.frames(nodes)
         self.groups = Groups(rows.here, rows.there, nodes, free, frames)
         self._dofs = dofs_of(nodes, space.d)
@@ -90,8 +96,7 @@ class MultiplierMap:
             forces = change @ forces
         matrices = self._from_forces(forces)
         if self.is_shared.any():
-            shares = self._shares(matrices)
-            matrices = [sum(parts) for parts in zip(matrices, shares, strict=True)]
+            matrices = self._with_shares(matrices)
         self.multipliers = [self._entries(matrix) for matrix in matrices]
 
     def coefficients_of(self, contact: int | None) -> Entries | None:
@@ -218,16 +223,22 @@ class MultiplierMap:
         values = np.concatenate([own_value, mean_value])
         return local_matrix((self.free.size, self.free.size), rows, columns, values)
 
-    def _shares(self, estimates: list[csr_array]) -> list[csr_array]:
-        """Return what multipliers of dependent rows have besides, so that forces fit r.
+    def _with_shares(self, estimates: list[csr_array]) -> list[csr_array]:
+        """Return the matrices with what dependent rows have besides: forces fit r.
 
         Args:
             estimates: The matrices from nodal forces to multipliers before.
         """
         rows, groups = self.rows, self.groups
         stiffness = np.zeros(len(rows.here))
-        for contact, places in zip(self.contacts[::-1], rows.places[::-1], strict=True):
-            stiffness[places] = contact.stiffness
+        copies, of_sides = self._copies()
+        means = []
+        for k in reversed(range(len(self.contacts))):
+            mean, stiffness[rows.places[k]] = self._of_copies(k, copies)
+            means.append(mean)
+        stiffness[of_sides] *= BEYOND
+        of_copies = zip(estimates, means[::-1], strict=True)
+        estimates = [matrix if mean is None else mean @ matrix for matrix, mean in of_copies]
         jumps = self._from_nodes(groups.jumps, self.free)
         # What the estimates leave of r, where forces are shared.
         missing = eye_array(len(self._dofs), format="csr")
@@ -240,7 +251,7 @@ class MultiplierMap:
             missing = missing - jumps.T @ force
 
         share = self._from_nodes(groups.shares(stiffness), self.is_shared) @ missing
-        shares = []
+        matrices = []
         done = np.zeros(len(rows.here), dtype=bool)
         for k, scale in enumerate(scales):
             first = np.zeros(len(rows.here), dtype=bool)
@@ -252,8 +263,55 @@ class MultiplierMap:
                 of_facet = at_nodes(rows.d - 1, rows.degree).T
                 force = rows.change_of_basis(of_facet, [k]) @ force
             inverse = np.divide(1.0, scale, out=np.zeros_like(scale), where=scale > 0)
-            shares.append(diags_array(inverse) @ force)
-        return shares
+            matrices.append(estimates[k] + diags_array(inverse) @ force)
+        return matrices
+
+    def _copies(self) -> tuple[np.ndarray, np.ndarray]:
+        """Number rows at copies of a node alike, and mark rows of sides, (n,) each.
+
+        Rows of sides, and rows that are not shared, have a number of their own.
+        """
+        rows, numbers = self.rows, self.groups.numbers
+        of_sides = np.zeros(len(rows.here), dtype=bool)
+        for contact, places in zip(self._model.contacts, rows.places, strict=True):
+            of_sides[places] |= contact.is_periodic
+        pairs = np.column_stack([rows.here[of_sides], rows.there[of_sides]])
+        copies = components(len(numbers), np.searchsorted(numbers, pairs))
+        own_number = len(numbers) + np.arange(len(rows.here))
+        has_copies = self.is_shared.any(axis=1) & ~of_sides
+        of_rows = copies[np.searchsorted(numbers, rows.here)]
+        return np.where(has_copies, of_rows, own_number), of_sides
+
+    def _of_copies(self, k: int, copies: np.ndarray) -> tuple[csr_array | None, np.ndarray]:
+        """Return the mean of multipliers over copies of nodes, and stiffnesses.
+
+        Args:
+            k: Place of the contact.
+            copies: A number for each row, as :meth:`_copies` returns it.
+
+        Returns:
+            The matrix between multipliers of the contact, None where no row has a copy;
+            and the stiffness of each row of the contact [force/length].
+        """
+        contact, places, d = self.contacts[k], self.rows.places[k], self.rows.d
+        _, of_row = np.unique(copies[places], return_inverse=True)
+        if len(np.unique(of_row)) == len(places):
+            return None, contact.stiffness
+        area = np.bincount(of_row, contact.area)
+        stiffness = np.bincount(of_row, contact.stiffness) / area
+        # Vectors of the rows in the frame of their group, where copies are the same.
+        row, component = (part.ravel() for part in np.indices((len(places), d)))
+        turned = self.groups.frames_of_rows.at(places[row]).entries(
+            None, component, np.ones(len(row))
+        )
+        entry, of_vector, _, values = turned
+        at_rows = places[row[entry]] * d + of_vector
+        at_copies = of_row[row[entry]] * d + component[entry]
+        shape = (len(self.rows.here) * d, len(area) * d)
+        row = row[entry]
+        spread = local_matrix(shape, at_rows, at_copies, values / area[of_row[row]])
+        gather = local_matrix(shape[::-1], at_copies, at_rows, values * contact.area[row])
+        return spread @ gather, contact.area * stiffness[of_row]
 
 
 class Reactions:

@@ -18,11 +18,14 @@ stick where friction holds them.
 
 Where there is no solution, a second programme minimises what is left of the equations.
 Its multipliers are the motion by which the bodies go.
+
+Under a mean stress the copies of a body move against each other, too: the jump J of
+periodic sides is a motion on which a given force does work.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,6 +37,7 @@ from erc_contact.base.exceptions import together
 from erc_contact.model.contact.contact_values import friction_parameters
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.friction import CONCAVE, CONSTANT
+from erc_contact.model.given_forces import GivenForce
 from erc_contact.model.model import Model
 from erc_contact.model.space import Space
 from namedmesh.base.percent import place_words
@@ -115,6 +119,25 @@ def mechanism(model: Model, loads: fem.Function) -> str | None:
     return _describe(model.space, motions @ amounts, left)
 
 
+def jumps_not_held(model: Model, loads: fem.Function, given: Sequence[GivenForce]) -> list[str]:
+    """Name the jumps of periodic sides whose forces nothing balances; collective.
+
+    Args:
+        model: The scene on a mesh.
+        loads: Nodal forces of its loads [force], not yet summed over ranks.
+        given: The forces that a mean stress gives.
+    """
+    if not model.free_motions or not given:
+        return []
+    _, work, parts = programme(model, loads, given=given)
+    solution = on_first(model.space, parts, find_unbalanced, work)
+    if solution is None:
+        return []
+    jumps = abs(solution[1][-len(given) :])
+    moved = jumps > SLIDES * abs(solution[1]).max()
+    return [force.name for force, is_moved in zip(given, moved, strict=True) if is_moved]
+
+
 def _describe(space: Space, motion: np.ndarray, work: float) -> str:
     """Describe the motion of the body that moves farthest in words; collective.
 
@@ -151,7 +174,7 @@ def _describe(space: Space, motion: np.ndarray, work: float) -> str:
 
 
 def programme(
-    model: Model, loads: fem.Function, friction: float = 1.0
+    model: Model, loads: fem.Function, friction: float = 1.0, given: Sequence[GivenForce] = ()
 ) -> tuple[np.ndarray, np.ndarray, list[Forces]]:
     """Return free motions, the work of loads on them, and unit forces; collective.
 
@@ -159,15 +182,29 @@ def programme(
         model: The scene on a mesh.
         loads: Nodal forces of its loads [force], not yet summed over ranks.
         friction: Factor of the friction bounds [-].
+        given: Given forces, whose jumps are further motions.
 
     Returns:
-        The motions at the nodes, shape (nodes d, K); work [force length], shape (K,);
-        the forces of this rank at each contact.
+        The motions of bodies at the nodes, shape (nodes d, m); work [force length],
+        shape (K,); the forces of this rank at each contact.
     """
     motions = np.column_stack([motion.x.array for motion in model.free_motions])
-    work = work_of_loads(model.space, loads, motions)
-    parts = [_forces(model.space, contact, motions, friction) for contact in model.contacts]
+    of_loads = work_of_loads(model.space, loads, motions)
+    work = np.append(of_loads, [force.force for force in given])
+    parts = []
+    for contact in model.contacts:
+        parts.append(_forces(model.space, contact, _jumps(contact, motions, given), friction))
     return motions, work, parts
+
+
+def _jumps(contact: ContactOnMesh, motions: np.ndarray, given: Sequence[GivenForce]) -> np.ndarray:
+    """Return jumps of motions at the vertices of owned facets, shape (f, d, d, K)."""
+    owned, d = contact.trace.here.owned, contact.trace.here.d
+    jumps = [contact.trace.of(motion)[owned, :d] for motion in motions.T]
+    for force in given:
+        is_here = force.contact is contact
+        jumps.append(np.broadcast_to(is_here * force.direction, (int(owned.sum()), d, d)))
+    return np.stack(jumps, axis=-1)
 
 
 def work_of_loads(space: Space, loads: fem.Function, motions: np.ndarray) -> np.ndarray:
@@ -178,14 +215,19 @@ def work_of_loads(space: Space, loads: fem.Function, motions: np.ndarray) -> np.
     return np.where(abs(work) > NO_LOAD * size, work, 0.0)
 
 
-def _forces(space: Space, contact: ContactOnMesh, motions: np.ndarray, friction: float) -> Forces:
-    """Return unit forces at the vertices of a contact's owned facets; collective."""
+def _forces(space: Space, contact: ContactOnMesh, w: np.ndarray, friction: float) -> Forces:
+    """Return unit forces at the vertices of a contact's owned facets; collective.
+
+    Args:
+        space: The mesh.
+        contact: The contact.
+        w: Jumps of the motions there, shape (f, d, d, K).
+        friction: Factor of the friction bounds [-].
+    """
     trace = contact.trace
     d = space.d
     vertices = slice(0, d)
     owned = trace.here.owned
-    jumps = [trace.of(motion)[owned, vertices] for motion in motions.T]
-    w = np.stack(jumps, axis=-1)
     gap = np.zeros(w.shape[:2])
     if contact.gap is not None:
         points = space.facet_points[vertices]

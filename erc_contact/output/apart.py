@@ -23,7 +23,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from erc_contact.output.gathered import WholeContact, mean_normal
+from erc_contact.output.gathered import WholeContact, is_symmetry, mean_normal
 from namedmesh.for_solvers import closest, components, in_space
 
 FADING = 3.0
@@ -40,7 +40,7 @@ Two normals with an angle of 0.2 between them have this share.
 def pairs_of(contacts: Sequence[WholeContact]) -> list[WholeContact]:
     """Return the contacts that are between two bodies, which are no copies."""
     pairs = [contact for contact in contacts if len(contact.partners) > 0]
-    return [pair for pair in pairs if not pair.traction.contact.is_periodic]
+    return [pair for pair in pairs if not is_symmetry(pair)]
 
 
 def bodies_of(body: Mapping[str, np.ndarray]) -> np.ndarray:

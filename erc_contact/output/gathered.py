@@ -210,10 +210,8 @@ def is_symmetry(contact: WholeContact) -> bool:
     They have no foundation.
     """
     data = contact.traction.contact
-    if data.is_periodic:
-        return True
     plain = data.friction is None and data.gap is None and len(contact.partners) == 0
-    return data.bilateral and plain
+    return data.is_periodic or (data.bilateral and plain)
 
 
 def colours_in_words(contacts: Sequence[WholeContact]) -> str:

@@ -261,6 +261,11 @@ class Periodic(PeriodicSides):
             )
 
 
+def translated_sides(contacts: Sequence[Contact]) -> list[Periodic]:
+    """Return the periodic sides among contacts."""
+    return [entry for entry in contacts if isinstance(entry, Periodic)]
+
+
 def _with_zeros(value: Any) -> Any:
     """Return rows with zeros in place of None, and anything else itself."""
     if not isinstance(value, Sequence | np.ndarray):
@@ -279,7 +284,8 @@ class Cyclic(PeriodicSides):
     The turn by 360/n degrees takes the side ``facets`` onto the side ``against``; loads
     and contacts turn with it. The displacement of one side is the turned displacement
     of the other one. It stands among the supports or the contacts of a scene. Turns
-    about the axis stay free, and in 3D translations along it.
+    about the axis stay free, and in 3D translations along it. The sides may meet on the
+    axis, in 3D on an axis along x, y or z, where u stays in place or moves along it.
 
     The facets of both sides must match, as gmsh makes them with ``setPeriodic``.
     Refinement keeps that, and gmsh meshes both sides alike where a mesh is made anew.

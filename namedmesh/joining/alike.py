@@ -18,7 +18,7 @@ import numpy as np
 
 from namedmesh.base.exceptions import InputError, raise_together
 from namedmesh.bodies import Bodies
-from namedmesh.periodic import PeriodicPair
+from namedmesh.periodic import SAME_PLACE, PeriodicPair
 from namedmesh.plain import PlainMesh
 from namedmesh.tags import NO_TAG
 from namedmesh.transfer import gather_mesh
@@ -40,16 +40,21 @@ def with_matching_sides(bodies: Bodies, pairs: tuple[PeriodicPair, ...], glue: G
         InputError: If sides of a pair do not lie on each other as copies, or bodies
             were joined that are apart.
     """
-    plain = gather_mesh(bodies)
+    plain = before = gather_mesh(bodies)
     error: Exception | None = None
     if bodies.comm.rank == 0:
         try:
             for pair in pairs:
                 here, there = (bodies.names[name] for name in pair.names)
                 plain = _matched(plain, here, there, pair, glue)
+            if plain.marks is None and before.marks is not None:
+                plain = replace(plain, marks=_marks_of(plain, before, before.marks))
         except InputError as reason:
             names = " and ".join(pair.names)
-            error = InputError(f"matched: {names} do not become alike. {reason}")
+            error = InputError(
+                f"matched: {names} do not become alike. {reason} Copies have no distance that could"
+                " be given: mesh both sides alike, or with smaller facets."
+            )
     raise_together(bodies.comm, error)
     return plain
 
@@ -107,3 +112,37 @@ def _without(plain: PlainMesh, cells: np.ndarray) -> PlainMesh:
     """Return a mesh without some cells, with its marks."""
     marks = None if plain.marks is None else plain.marks[~cells]
     return replace(plain.without_cells(cells), marks=marks)
+
+
+def _marks_of(plain: PlainMesh, before: PlainMesh, marks: np.ndarray) -> np.ndarray:
+    """Return the marks of sides of a mesh of which some regions were meshed anew.
+
+    Facets that stay keep their marks. Others have the mark of the nearest facet of
+    their part.
+
+    Args:
+        plain: The mesh.
+        before: The mesh before.
+        marks: Marks of its sides, shape (m, d+1).
+    """
+    from scipy.spatial import cKDTree  # type: ignore[import-untyped]  # noqa: PLC0415 - for pairs only
+
+    found = np.full_like(plain.tags, NO_TAG)
+    drawn, sides = np.argwhere(marks != NO_TAG), np.argwhere(np.ones_like(plain.tags, dtype=bool))
+    distance, nearest = cKDTree(_middles(before, drawn)).query(_middles(plain, sides))
+    stays = distance <= SAME_PLACE * np.ptp(plain.x, axis=0).max()
+    found[tuple(sides[stays].T)] = marks[tuple(drawn[nearest[stays]].T)]
+    is_new = plain.is_outer & (found == NO_TAG)
+    tags = before.tags[tuple(drawn.T)]
+    for tag in np.unique(tags):
+        of_part = drawn[tags == tag]
+        new = np.argwhere(is_new & (plain.tags == tag))
+        nearest = cKDTree(_middles(before, of_part)).query(_middles(plain, new))[1]
+        found[tuple(new.T)] = marks[tuple(of_part[nearest].T)]
+    return found
+
+
+def _middles(plain: PlainMesh, sides: np.ndarray) -> np.ndarray:
+    """Return the middles of sides [length], shape (n, d)."""
+    middles: np.ndarray = plain.x[plain.points_of(sides)].mean(axis=1)
+    return middles

@@ -3,9 +3,10 @@
 Properties: a laminate is exact, and its stiffness is the closed form, by strains and by
 stresses; sigma^ has a mean stress that is given to round-off; a sector has the
 displacement of the whole disc; u^ fits across the sides and the tractions are opposite,
-to round-off; the intervals of the energy hold the energies of finer meshes; motions that
-copies leave free are free; a wavy surface has Westergaard's contact; ranks, solvers and
-methods change nothing; what cannot be is told on all ranks.
+to round-off; sides may meet on the axis; the intervals of the energy hold the energies of
+finer meshes, and under a mean stress the intervals of numbers hold the numbers; motions
+that copies leave free are free; a wavy surface has Westergaard's contact; ranks, solvers
+and methods change nothing; what cannot be is told on all ranks.
 """
 
 from dataclasses import replace
@@ -197,6 +198,110 @@ def test_a_sector_is_the_whole_disc(degree):
     assert_fits(one)
 
 
+def disc(d, sectors, copies=1, *, along=2, tilt=0.0, comm=COMM):
+    """Some sectors of a disc, or of a cylinder about an axis of space; low meets cut there.
+
+    A tilt turns the domain about the x axis.
+    """
+    radii, heights = 2, 2 if d == 3 else 1
+    corners = [(i, j) for i in range(radii + 1) for j in range(i + 1)]
+    places = np.array([(i / radii, j / max(i, 1)) for i, j in corners])
+    triangles = []
+    for i, j in corners[: -radii - 1]:
+        at, above = corners.index((i, j)), corners.index((i + 1, j))
+        triangles.append((at, above, above + 1))
+        if j < i:
+            triangles.append((at, above + 1, at + 1))
+    cells, n = np.array(triangles), len(corners)
+    if d == 3:
+        # Prisms of three tetrahedra, cut by the order of the nodes.
+        low, high = np.sort(cells), np.sort(cells) + n
+        first = np.column_stack([low, high[:, 2]])
+        second = np.column_stack([low[:, :2], high[:, 1:]])
+        cells = np.concatenate([first, second, np.column_stack([low[:, :1], high])])
+    x, all_cells = [], []
+    for half in range(2 * copies):
+        # Cells differ at both sides, as they may.
+        inside = (0.5 * (places[:, 1] + half % 2)) ** 1.3
+        angle = 2 * np.pi / sectors * (inside + half // 2)
+        plane = places[:, :1] * np.column_stack([np.cos(angle), np.sin(angle)])
+        for k in range(heights):
+            layer = np.column_stack([plane, np.full(n, 0.5 * k)])
+            x.append(np.roll(layer, along + 1, axis=1) if d == 3 else plane)
+        all_cells.append(cells + half * n * heights)
+    _, first, number = np.unique(
+        np.round(np.concatenate(x), 9), axis=0, return_index=True, return_inverse=True
+    )
+    cells = number.ravel()[np.concatenate(all_cells)].astype(np.int64)
+    here = cells if comm.rank == 0 else cells[:0]
+    points = np.concatenate(x)[first]
+    domain = nm.Domain(distribute(comm, here, points if comm.rank == 0 else points[:0]))
+    across = [(along + 1) % 3, (along + 2) % 3] if d == 3 else [0, 1]
+    names = {"outer": lambda x: np.isclose(np.hypot(*x[across]), 1.0)}
+    if copies == 1:
+        for name, angle in (("low", 0.0), ("cut", 2 * np.pi / sectors)):
+            outward = np.array([np.cos(angle), np.sin(angle)])
+            names[name] = lambda x, e=outward: np.isclose(e @ x[across], np.hypot(*x[across]))
+    named = domain.named(names)
+    if tilt:
+        x = named.mesh.geometry.x
+        c, s = np.cos(tilt), np.sin(tilt)
+        x[:, 1:] = x[:, 1:] @ np.array([[c, s], [-s, c]])
+    return named
+
+
+def turning(d):
+    """The axis of a disc or cylinder, and directions from it."""
+    axis = (0.0, 0.0) if d == 2 else ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    flat = ufl.as_matrix(np.diag((1.0, 1.0, 0.0)[:d]))
+    return axis, lambda x: flat * x / ufl.sqrt(ufl.dot(flat * x, x))
+
+
+def assert_same(one, every):
+    """A sector and the whole have one displacement, but for a motion along the axis."""
+    x = one.u.function_space.tabulate_dof_coordinates()
+    u = one.u.x.array.reshape(len(x), -1).copy()
+    of_whole = every.at(x[:, : u.shape[1]]).displacement
+    u[:, 2:] -= (u - of_whole)[:, 2:].mean(axis=0)
+    assert abs(of_whole - u).max() < 1e-7 * abs(u).max()
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(("d", "sectors", "degree"), [(2, 2, 1), (2, 5, 2), (3, 2, 1), (3, 3, 2)])
+def test_sides_may_meet_on_the_axis(d, sectors, degree):
+    """A sector of a full disc or cylinder: on the axis R u = u, and forces turn with R."""
+    axis, normal = turning(d)
+    force = (radial, around, lambda x: 0.0 * x[0])[:d]
+    rim = ec.Contact("outer", friction=ec.Tresca(0.02), bilateral=True, normal=normal)
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), loads=[ec.BodyForce(force)], contacts=rim)
+    with_sides = replace(scene, supports=[ec.Cyclic("low", "cut", axis=axis, sectors=sectors)])
+    one = certified(with_sides, disc(d, sectors), AUGMENTED, degree)
+    every = certified(scene, disc(d, sectors, sectors), AUGMENTED, degree)
+    assert_same(one.solution, every.solution)
+    x = one.solution.u.function_space.tabulate_dof_coordinates()
+    on_axis = np.hypot(x[:, 0], x[:, 1]) < 1e-12
+    assert on_axis.any()
+    u_hat = one.admissible.displacement.x.array.reshape(-1, d)
+    assert abs(u_hat[on_axis, :2]).max() == 0.0
+    energies = [ec.potential_energy(error) for error in (one, every)]
+    assert np.isclose(sectors * energies[0].value, energies[1].value, rtol=1e-8)
+    assert sectors * energies[0].low < energies[1].value
+    assert_fits(one)
+
+
+@pytest.mark.serial
+def test_a_contact_slips_at_the_sides_as_in_the_whole():
+    """Nodes of a contact at both sides are one node, which slips or sticks."""
+    axis, normal = turning(3)
+    force = (lambda x: 0.001 * x[0], lambda x: 0.001 * x[1], 0.0)
+    rim = ec.Contact("outer", friction=ec.Tresca(0.0002), gap=-0.003, normal=normal)
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), loads=[ec.BodyForce(force)], contacts=rim)
+    with_sides = replace(scene, supports=[ec.Cyclic("low", "cut", axis=axis, sectors=3)])
+    one = ec.solve(with_sides, disc(3, 3), AUGMENTED)
+    assert (one.profile("outer")["status"] == ec.results.SLIP).any()
+    assert_same(one, ec.solve(scene, disc(3, 3, 3), AUGMENTED))
+
+
 def fitted(ring):
     """A shaft in a hub, which meet at the radius 1.5."""
 
@@ -351,7 +456,15 @@ def test_ranks_change_nothing_in_space():
         cube = certified(layers, brick((2, 2, 1), comm), AUGMENTED)
         turned = ec.Scene(ec.Elastic(1.0, 0.3), [cyclic(3)], ec.Traction("inner", pressure=0.01))
         ring = certified(turned, sector((2, 2, 1), comm=comm).refined(), AUGMENTED)
-        numbers.append([cube.absolute, ring.absolute])
+        sides = ec.Cyclic("low", "cut", axis=((0.0,) * 3, (0.0, 1.0, 0.0)), sectors=3)
+        spun = ec.BodyForce((lambda x: 0.01 * x[0], 0.0, lambda x: 0.01 * x[2]))
+        pressed = ec.Traction("outer", pressure=0.01)
+        cylinder = disc(3, 3, along=1, comm=comm)
+        full = ec.Scene(ec.Elastic(1.0, 0.3), [sides], [spun, pressed])
+        wedge = certified(full, cylinder.refined(), AUGMENTED)
+        assert len(wedge.model.unheld.functions) == 2
+        assert_fits(wedge)
+        numbers.append([cube.absolute, ring.absolute, wedge.absolute])
     assert np.allclose(*numbers, rtol=1e-8)
 
 
@@ -362,6 +475,38 @@ def test_a_mean_stress_may_act_on_some_sides_alone():
     assert np.isclose(error.solution.mean_strain("left")[0], 0.01 / uniaxial, rtol=1e-8)
     assert error.solution.mean_strain("top")[1] == 0.0
     assert_fits(error)
+
+
+@pytest.mark.serial
+def test_numbers_under_a_mean_stress_have_intervals():
+    """The mean strain is found in each of the moved scenes; an interval holds finer ones."""
+    scene, domain = wavy(0.4, cells=(4, 6))
+    sides = [ec.Periodic("left", "right", mean_stress=((0.01, None), (None, None)))]
+    scene = replace(scene, contacts=scene.contacts[:1], supports=sides)
+    goal = ec.MeanDisplacement("top", (0.0, 1.0))
+    coarse = ec.adapt(scene, domain, goal=goal, accuracy=0.01, max_steps=1, method=AUGMENTED)
+    wide = ec.interval(coarse.error, goal)
+    finer = certified(scene, domain.refined(), AUGMENTED, degree=2)
+    narrow = ec.interval(finer, goal)
+    assert wide.guaranteed
+    assert wide.low < narrow.low < narrow.value < narrow.high < wide.high
+
+
+def test_a_displacement_under_a_mean_stress_has_a_certificate():
+    """Its mean strain is the one of the displacement, right or wrong."""
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), stressed(2, [[0.01, 0.002], [0.002, -0.003]]))
+    domain = brick((2, 2))
+    solution = ec.solve(scene, domain, AUGMENTED)
+    assert ec.certify(scene, solution.domain, solution.u).relative < 1e-6
+    wrong = solution.u.copy()
+    wrong.x.array[:] *= 1.1
+    certificate = ec.certify(scene, solution.domain, wrong)
+    assert certificate.relative == pytest.approx(0.1 / 2.1, rel=1e-6)
+    strain = certificate.error.solution.mean_strain("left")
+    assert np.allclose(strain, 1.1 * solution.mean_strain("left"), rtol=1e-6)
+    exact = ec.potential_energy(ec.constitutive_error(ec.equilibrate(solution))).value
+    bounds = ec.potential_energy(certificate.error)
+    assert bounds.low < exact < bounds.high
 
 
 def test_a_shear_of_round_off_is_no_scale():
@@ -438,8 +583,28 @@ def test_motions_that_copies_leave_free_must_be_balanced():
     refused(lambda: ec.solve(pulled, brick((2, 2))), "translation", error=ec.NotHeldError)
 
 
+def test_a_mean_stress_that_nothing_balances_is_told():
+    elastic = ec.Elastic(1.0, 0.3)
+    shear = [[-0.01, 0.002], [0.002, 0.01]]
+    strip = ec.Scene(elastic, stressed(1, [[0.01, 0.002], [0.002, None]]))
+    unlike = [*stressed(1, shear), ec.Periodic(*SIDES[1], mean_stress=[[-0.01, 0.0], [0.0, 0.01]])]
+    layers = brick((2, 2)).split({"this": "soft", "that": "stiff"})
+    slides = ec.Contact("this", against="that", friction=0.1)
+    for scene, domain, names in [
+        (strip, brick((2, 2)), "left y"),
+        (ec.Scene(elastic, unlike), brick((2, 2)), "left y"),
+        (ec.Scene(elastic, stressed(2, shear), contacts=slides), layers, "left y"),
+    ]:
+        refused(lambda: ec.solve(scene, domain), names, "mean_strain=", error=ec.NotHeldError)  # noqa: B023
+    holds = replace(slides, friction=0.5)
+    sheared = ec.solve(ec.Scene(elastic, stressed(2, shear), contacts=holds), layers, AUGMENTED)
+    assert sheared.mean_strain("left")[1] == pytest.approx(0.002 * 1.3, rel=1e-7)
+
+
 def test_what_cannot_be_is_told():
     elastic = ec.Elastic(1.0, 0.3)
+    tilted = ((0.0, 0.0, 0.0), (0.0, -np.sin(0.3), np.cos(0.3)))
+    skew = ec.Cyclic("low", "cut", axis=tilted, sectors=3)
     for call, *words in [
         (lambda: ec.Periodic("left", "left"), "against itself"),
         (lambda: ec.Periodic("left", None), "against"),
@@ -459,18 +624,10 @@ def test_what_cannot_be_is_told():
             ),
             "3 rows",
         ),
-        (
-            lambda: ec.adapt(
-                ec.Scene(elastic, stressed(2, np.eye(2).tolist())),
-                brick((2, 2)),
-                goal=ec.Resultant("right", (1.0, 0.0)),
-                accuracy=0.1,
-            ),
-            "mean stress",
-        ),
         (lambda: ec.Cyclic("low", "cut", axis=(0.0,), sectors=3), "axis"),
         (lambda: ec.Cyclic("low", "cut", axis=(0.0, 0.0), sectors=1), "sectors"),
         (lambda: ec.solve(ec.Scene(elastic, cyclic(3)), sector((2, 2))), "2D"),
+        (lambda: ec.solve(ec.Scene(elastic, skew), disc(3, 3, tilt=0.3)), "none of x, y and z"),
         (
             lambda: ec.solve(
                 ec.Scene(elastic, periodic(2, np.zeros((3, 3)).tolist())), brick((2, 2))

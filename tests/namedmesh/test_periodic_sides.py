@@ -1,8 +1,7 @@
 """Sides of copies: facets that face each other by a motion, on any ranks and when refined.
 
 Properties: each facet has a partner at its image, to round-off, after any refinement and
-on a mesh that is made anew;
-the mesh does not depend on the ranks, and patches are complete; what does not match is
+on a mesh that is made anew, on plane and curved sides; the mesh does not depend on the ranks, and patches are complete; what does not match is
 told on all ranks.
 """
 
@@ -14,7 +13,9 @@ from mpi4py import MPI
 import namedmesh as nm
 from namedmesh.base.releases import cell_nodes
 from namedmesh.partition import patches_complete
-from namedmesh.simplex import of_facets
+from namedmesh.simplex import measures, of_facets
+
+import gmsh  # isort: skip - after namedmesh, as all that is compiled
 
 COMM = MPI.COMM_WORLD
 SECTORS = 7
@@ -142,6 +143,60 @@ def test_sides_that_do_not_match_become_alike(d):
     assert misfit(domain.refined(), pair) < 1e-14 * domain.extent
     shifted = nm.PeriodicPair(pair.names, pair.rotation, (5.0, *pair.shift[1:]))
     refused(lambda: brick.matched([shifted]), "do not become alike")
+
+
+def curved_sector(d):
+    """A sector of a ring whose sides are curved, of other sizes on both sides."""
+    turn, radii = 2 * np.pi / SECTORS, np.linspace(1.0, 2.0, 5)
+    if COMM.rank == 0:
+        gmsh.initialize()
+        gmsh.option.setNumber("General.Terminal", 0)
+        occ = gmsh.model.occ
+        centre = occ.addPoint(0, 0, 0)
+        sides = []
+        for angle in (0.0, turn):
+            angles = angle + 0.25 * np.sin(np.pi * (radii - 1.0))
+            x, y = radii * np.cos(angles), radii * np.sin(angles)
+            sides.append(
+                [occ.addPoint(*at, 0, 0.18 - 0.05 * angle) for at in zip(x, y, strict=True)]
+            )
+        (low_in, *_, low_out), (cut_in, *_, cut_out) = sides
+        low, cut = (occ.addSpline(points) for points in sides)
+        inner = occ.addCircleArc(low_in, centre, cut_in)
+        outer = occ.addCircleArc(low_out, centre, cut_out)
+        plane = occ.addPlaneSurface([occ.addCurveLoop([low, outer, -cut, -inner])])
+        parts = {"low": low, "outer": outer, "cut": cut, "inner": inner}
+        if d == 3:
+            made = occ.extrude([(2, plane)], 0, 0, 0.5)
+            parts = dict(zip(parts, [tag for _, tag in made[2:]], strict=True))
+        occ.synchronize()
+        for name, tag in parts.items():
+            gmsh.model.addPhysicalGroup(d - 1, [tag], name=name)
+        gmsh.model.addPhysicalGroup(d, [made[1][1] if d == 3 else plane], name="body")
+    domain = nm.from_gmsh(gmsh.model)
+    if COMM.rank == 0:
+        gmsh.finalize()
+    return domain
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_curved_sides_become_alike(d):
+    """The body keeps its true shape: refined, it comes nearer to the volume."""
+    body = curved_sector(d)
+    axis = [(0.0, 0.0)] if d == 2 else [(0.0, 0.0, 0.0), (0.0, 0.0, 1.0)]
+    pair = nm.turned(body, "low", "cut", axis, SECTORS)
+    refused(lambda: body.with_periodic([pair]).facing("low", "cut"), "do not match")
+    domain = body.matched([pair])
+    volume = 3 * np.pi / SECTORS * 0.5 ** (d - 2)
+    missing = []
+    for each in (domain, domain.refined()):
+        assert misfit(each, pair) < 1e-12 * each.extent
+        nodes = cell_nodes(each.mesh.geometry)[: each.owned_cells]
+        whole = COMM.allreduce(float(measures(each.mesh.geometry.x[nodes, :d]).sum()))
+        missing.append(abs(whole - volume))
+    assert missing[1] < 0.5 * missing[0]
+    assert misfit(refined_near_points(domain, 1), pair) < 1e-12 * domain.extent
+    assert misfit(domain.remeshed(0.3), pair) < 1e-12 * domain.extent
 
 
 @pytest.mark.parametrize("cells", [(4, 3), (2, 2, 1)], ids=["2D", "3D"])

@@ -1,8 +1,9 @@
-"""Give what moved strains and shifts of preloads add to a difference-quotient bound.
+"""Give what moved strains and shifts add to a difference-quotient bound.
 
 Symbols of :mod:`erc_contact.error.goals.difference_quotient` and
 :mod:`erc_contact.model.preload`: p difference of two shifts over t, psi the field of
-the jump of one preload, E = - eps(psi) its given strain.
+the jump of one preload, E = - eps(psi) its given strain. Jumps of periodic sides under
+a mean stress are part of u, so that given forces alone do work on their p.
 """
 
 from __future__ import annotations
@@ -17,11 +18,10 @@ from erc_contact.error.goals.singular_strain import SingularStrain
 from erc_contact.error.load_work import load_work_on_jump
 from erc_contact.error.numbers import BoundedNumber
 from erc_contact.error.works import strain_energy
+from erc_contact.model.given_forces import given_forces
 from erc_contact.model.model import Model
-from erc_contact.model.preload import shifts_of
-from erc_contact.newton.given_forces import with_shifts
+from erc_contact.newton.given_forces import shifts_in, with_shifts
 from erc_contact.scene.scene import Scene
-from erc_contact.scene.tied import Preload
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +29,7 @@ class MovedLaw:
     """Hold the differences of what is given of the strains of two scenes, over t.
 
     Attributes:
-        shifts: p of each preload that has moved, by its name [-].
+        shifts: p of each shift that has moved, by its name [-].
         singular: The difference of the strains of a crack tip over t; None without.
     """
 
@@ -39,7 +39,7 @@ class MovedLaw:
     @classmethod
     def between(cls, first: Model, second: Model, t: float) -> MovedLaw:
         """Return what the first scene has more than the second, over t."""
-        more, less = shifts_of(first.scene.ties), shifts_of(second.scene.ties)
+        more, less = shifts_in(first.scene), shifts_in(second.scene)
         shifts = {name: (more[name] - less[name]) / t for name in more if more[name] != less[name]}
         more_strain, less_strain = _singular(first.scene), _singular(second.scene)
         either = more_strain or less_strain
@@ -57,7 +57,7 @@ class MovedLaw:
         if self.singular is not None:
             singular = replace(self.singular, amount=amount * self.singular.amount)
             scene = replace(scene, strains=(*scene.strains, singular))
-        shifts = shifts_of(scene.ties)
+        shifts = shifts_in(scene)
         for name, p in self.shifts.items():
             shifts[name] += amount * p
         model = copy(pair.model)
@@ -80,7 +80,7 @@ class MovedLaw:
             return BoundedNumber(0.0)
         model = pair.model
         total = BoundedNumber(0.0)
-        shifts = shifts_of(model.scene.ties)
+        shifts = shifts_in(model.scene)
         amount = t
         for name, p in self.shifts.items():
             amount = max(amount, abs(shifts[name] / p))
@@ -91,9 +91,8 @@ class MovedLaw:
             p = self.shifts.get(preload.name, 0.0)
             if p != 0.0:
                 total += p * load_work_on_jump(model, preload)
-        for tie in model.scene.ties:
-            if isinstance(tie, Preload) and tie.force is not None:
-                total += BoundedNumber(tie.force * self.shifts.get(tie.facets, 0.0))
+        for given in given_forces(model.scene, model):
+            total += BoundedNumber(given.force * self.shifts.get(given.name, 0.0))
         # Shifts are rounded before their small differences are taken.
         largest = max(abs(shifts[name]) for name in self.shifts)
         round_off = 2 * np.finfo(float).eps * largest / t

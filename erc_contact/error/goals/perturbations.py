@@ -22,10 +22,9 @@ from erc_contact.error.goals.jump_perturbations import jump_perturbation
 from erc_contact.error.goals.motion_perturbations import functional, mean_displacement, rotation
 from erc_contact.error.goals.perturbation import BaseScene, Perturbation
 from erc_contact.error.works import elastic_work
-from erc_contact.model.given_forces import stressed_sides
 from erc_contact.model.model import Model
 from erc_contact.model.space import Space
-from erc_contact.newton.given_forces import with_locked_shifts, without_shifts
+from erc_contact.newton.given_forces import with_free_jumps, with_locked_shifts, without_shifts
 from erc_contact.scene.goal import (
     BoltForce,
     Energy,
@@ -144,12 +143,6 @@ def _check(model: Model, goal: GoalOfPair) -> np.ndarray:
             f"{goal!r}: no interval with a compliant foundation ({listed(soft)}); take"
             " ec.resultant for a force of a contact."
         )
-    stressed = [sides.facets for sides in stressed_sides(model.scene.contacts)]
-    if stressed:
-        raise InputError(
-            f"{goal!r}: no interval with a mean stress ({listed(stressed)}), under which the mean"
-            " strain moves, too; give mean_strain=, or take ec.potential_energy."
-        )
     if isinstance(goal, Slip) and goal.direction is not None:
         _check_vector(goal, goal.direction, space.d)
     if not isinstance(goal, MeanDisplacement | Rotation | Moment | Resultant):
@@ -188,6 +181,8 @@ def _base_scene(error: ConstitutiveError) -> BaseScene:
     norm = float(np.sqrt(max(energy, 0.0))) or 1.0
     e = max(error.absolute, LEAST_ERROR * norm)
     scene = replace(model.scene, contacts=contacts_with_given_bounds(pair))
+    # The mean strain of a mean stress moves, too.
+    scene = with_free_jumps(scene)
     return BaseScene(model, scene, e, norm, length)
 
 

@@ -35,9 +35,8 @@ class Connections:
     Attributes:
         pairs: For each contact the global numbers of its pairs of nodes, on this side
             and on the other one, each once, shape (p, 2); no rows for a foundation.
-            Where a contact ends inside a body both are one node.
-        ends: Global numbers of the nodes at which contacts end inside a body, shape
-            (e,). They have no jump.
+            Where a contact ends inside a body, and on the axis of sectors, both are one
+            node.
         any: Whether there is a contact between bodies.
         groups: B of all contacts at these nodes.
     """
@@ -48,10 +47,6 @@ class Connections:
         self.any = any(len(pairs) > 0 for pairs in self.pairs)
         nothing = np.zeros((0, 2), dtype=np.int64)
         between = np.unique(np.concatenate([nothing, *self.pairs]), axis=0)
-        # Where a contact ends inside a body both sides have one node, and no jump.
-        ends = between[between[:, 0] == between[:, 1], 0]
-        between = between[between[:, 0] != between[:, 1]]
-        self.ends = np.setdiff1d(ends, between)
         numbers = np.unique(between)
         on_foundations = np.zeros(0, dtype=np.int64)
         if self.any:
@@ -74,32 +69,39 @@ class Connections:
     @cached_property
     def is_joint(self) -> np.ndarray:
         """Tell which of them are in groups of several pairs, shape (nodes,)."""
-        of_pairs = self.groups.group_of_row[: self._pair_count]
-        pairs_of_groups = np.bincount(of_pairs, minlength=len(self.groups.whole))
-        return self._mark((pairs_of_groups > 1)[self.groups.group])
+        return self._mark((self._rows_read(self._pair_count) > 1)[self.groups.group])
 
     @cached_property
     def has_several(self) -> np.ndarray:
         """Tell in which groups a support or a second contact acts, shape (nodes,)."""
         groups = self.groups
-        rows = np.bincount(groups.group_of_row, minlength=len(groups.whole))
+        rows = self._rows_read(len(groups.group_of_row))
         is_fixed = np.zeros(len(rows), dtype=bool)
         is_fixed[groups.group[~self._free.all(axis=1)]] = True
-        return self._mark(((rows > 1) | is_fixed)[groups.group])
+        return self._mark(((rows > 1) | is_fixed & (rows > 0))[groups.group])
+
+    def _rows_read(self, count: int) -> np.ndarray:
+        """Count the rows of each group that have a jump, among the first rows, (G,)."""
+        groups = self.groups
+        group, slot = groups.group_of_row[:count], groups.slot_of_row[:count]
+        has_jump = groups.whole[group, :, slot].any(axis=(1, 2))
+        return np.bincount(group[has_jump], minlength=len(groups.whole))
 
     def least_displacement(self, u: fem.Function) -> fem.Function:
         """Return the least displacement of free components with the jumps of u.
 
-        At other nodes it is u; collective.
+        Where no jump reads u it is u; collective.
         """
         return product(self._space, self.projection, u) if self.any else u
 
     @cached_property
     def projection(self) -> PETSc.Mat:
         """Return the map of :meth:`least_displacement`."""
-        blocks = np.matmul(self.groups.inverse, self.groups.whole)
-        changed = dofs_of(self.groups.numbers, self._space.d)
-        return matrix_of_common_entries(self._space, self.groups.between_nodes(blocks), changed)
+        groups = self.groups
+        blocks = np.matmul(groups.inverse, groups.whole)
+        is_read = groups.whole.any(axis=2)[groups.group, :, groups.slot]
+        changed = dofs_of(groups.numbers, self._space.d)[is_read.ravel()]
+        return matrix_of_common_entries(self._space, groups.between_nodes(blocks), changed)
 
     def let_go(self, x: PETSc.Vec, y: PETSc.Vec, is_read: np.ndarray) -> None:
         """Set y to the part ``(I - P) x`` that contacts do not read; collective.
@@ -133,9 +135,7 @@ class Connections:
         # Two nodes may be connected by a third one.
         for _ in range(blocks.shape[-1] - 2):
             blocks = np.matmul(blocks, blocks)
-        d = self._space.d
-        blocks = np.repeat(np.sign(blocks), d, axis=1)
-        return matrix_of_common_entries(self._space, self.groups.between_nodes(blocks))
+        return matrix_of_common_entries(self._space, self.groups.between_nodes(np.sign(blocks)))
 
     def jump(self, number: int) -> PETSc.Mat:
         """Return the map from u to the jump of a contact at its nodes on this side.
@@ -179,14 +179,12 @@ class Connections:
         d = self._space.d
         here, there = (nodes[:, None] * d + np.arange(d) for nodes in pairs.T)
         turns = self.turns(pairs)
-        if turns is None:
-            return here.ravel(), there.ravel(), -np.ones(here.size)
-        rows, columns = np.broadcast_arrays(here[:, :, None], there[:, None])
-        return rows.ravel(), columns.ravel(), -turns.ravel()
+        pair, row, column = np.nonzero(turns)
+        return here[pair, row], there[pair, column], -turns[pair, row, column]
 
-    def turns(self, pairs: np.ndarray) -> np.ndarray | None:
-        """Return ``R^T`` of pairs of nodes, (p, d, d); None where nothing turns."""
-        return self.frames(pairs.ravel()).turns(len(pairs))
+    def turns(self, pairs: np.ndarray) -> np.ndarray:
+        """Return ``R^T`` of pairs of nodes, shape (p, d, d)."""
+        return self.frames(pairs.ravel()).turns(pairs, self._space.d)
 
     def frames(self, numbers: np.ndarray) -> Upright:
         """Return the frames of nodes, of which some may be in no pair."""

@@ -44,13 +44,15 @@ from erc_contact.model.space import Space
 from erc_contact.scene.contact import Contact
 from erc_contact.scene.law import Law
 from erc_contact.scene.material import parameter
-from erc_contact.scene.periodic import HELD
+from erc_contact.scene.periodic import HELD, HeldTogether
 from namedmesh.base.checks import positive
 from namedmesh.base.ranks import greatest
 from namedmesh.simplex import lagrange, nodes, rule
 
 SAME_MODULUS = 1e-6
 """Difference of the mean moduli of two bodies that counts as none, over one of them."""
+SETS: dict[type, Disc] = {HeldTogether: WHOLE}
+"""Sets of tangential tractions of laws that allow no disc."""
 Sides = tuple[Side, Side]
 """Side of a body at a contact, and the side of the other body or of the foundation."""
 PARALLEL = 1e-6
@@ -245,7 +247,7 @@ def _allowed(
     """
     axes = getattr(law, "axes", None)
     if axes is None:
-        return WHOLE if law is HELD else DISC
+        return SETS.get(type(law), DISC)
     what = f"Contact({contact.facets!r}): {type(law).__name__}"
     if space.d == 2:
         raise InputError(

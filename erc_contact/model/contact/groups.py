@@ -21,6 +21,11 @@ group: Q u of each node, with Q of the first node I and ``Q_there = Q_here R^T``
 pair. So components do not mix; they do in matrices between nodes, and in rows, whose w
 is in the frame of the node on this side.
 
+A node may face itself: where a contact ends inside a body, ``w = 0``, and on the axis
+of sectors, ``w = (I - R^T) u``. With the angle 2 pi/n of R this is ``c = 2 sin(pi/n)``
+times u across the axis, turned about it, and nothing along it. So B has the entries c,
+c and 0, and the frame of w is turned besides.
+
 Symbols: n rows, N nodes, G groups, R rows of a group, C nodes of a group, d dimension.
 """
 
@@ -57,9 +62,10 @@ class Groups:
         slot: Its place in the group, shape (N,).
         group_of_row: The group of each row, shape (n,).
         slot_of_row: Its place in the group, shape (n,).
-        whole: B with the columns that supports fix, shape (G, 1, R, C).
+        whole: B with the columns that supports fix, shape (G, d, R, C).
         is_free: Components that no support fixes, shape (G, d, C).
         jumps: B, shape (G, d, R, C).
+        frames_of_rows: Frames in which rows read what B says.
     """
 
     def __init__(
@@ -77,7 +83,6 @@ class Groups:
         _, self.group = np.unique(component, return_inverse=True)
         self.numbers = numbers
         self.frames = frames
-        self._first = first
         self.slot = numbers_in(self.group)
         self.group_of_row = self.group[first]
         self.slot_of_row = numbers_in(self.group_of_row)
@@ -85,32 +90,42 @@ class Groups:
         count = int(self.group.max(initial=-1)) + 1
         height = int(self.slot_of_row.max(initial=-1)) + 1
         width = int(self.slot.max(initial=-1)) + 1
-        self.whole = np.zeros((count, 1, height, width))
-        self.whole[self.group_of_row, 0, self.slot_of_row, self.slot[first]] = 1.0
-        of_pairs = self.group_of_row[is_pair], 0, self.slot_of_row[is_pair]
-        self.whole[*of_pairs, self.slot[second]] = -1.0
         d = free.shape[1]
+        self.whole = np.zeros((count, d, height, width))
+        of_rows = self.group_of_row, slice(None), self.slot_of_row
+        self.whole[*of_rows, self.slot[first]] = 1.0
+        of_pairs = self.group_of_row[is_pair], slice(None), self.slot_of_row[is_pair]
+        self.whole[*of_pairs, self.slot[second]] = -1.0
+        faces_itself = here == there
+        alone = first[faces_itself]
+        of_alone = self.group[alone], slice(None), self.slot_of_row[faces_itself]
+        self.whole[*of_alone, self.slot[alone]] = frames.at(alone).factors
+        self.frames_of_rows = frames.at(first).of_jumps(faces_itself)
         self.is_free = np.zeros((count, d, width), dtype=bool)
         self.is_free[self.group, :, self.slot] = free
         self.jumps = self.whole * self.is_free[:, :, None]
 
     @cached_property
-    def _patterns(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the different B, shape (b, R, C), and the place of each, (G d,).
+    def _patterns(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the different B, (b, R, C), their free nodes, (b, C), and places.
 
-        There are few of them, and none where a rank has no pairs.
+        There are few of them, and none where a rank has no pairs. Places are of shape
+        (G d,).
         """
         height, width = self.jumps.shape[2:]
         if self.jumps.size == 0:
-            return np.empty((0, height, width)), np.empty(0, dtype=np.int64)
-        flat = self.jumps.reshape(-1, height * width)
+            nothing = np.empty((0, height, width))
+            return nothing, np.empty((0, width)), np.empty(0, dtype=np.int64)
+        both = np.concatenate([self.jumps, self.is_free[:, :, None]], axis=2)
+        flat = both.reshape(-1, (height + 1) * width)
         unique, place = np.unique(flat, axis=0, return_inverse=True)
-        return unique.reshape(-1, height, width), place.ravel()
+        unique = unique.reshape(-1, height + 1, width)
+        return unique[:, :-1], unique[:, -1], place.ravel()
 
     @cached_property
     def inverse(self) -> np.ndarray:
         """Return B^+, shape (G, d, C, R)."""
-        unique, place = self._patterns
+        unique, _, place = self._patterns
         if len(unique) == 0:
             return self.jumps.swapaxes(2, 3)
         return np.linalg.pinv(unique)[place].reshape(self.jumps.swapaxes(2, 3).shape)
@@ -152,9 +167,8 @@ class Groups:
             move all nodes of the group alike, shape (G, d, C). The others are no
             displacements.
         """
-        unique, place = self._patterns
-        # Each node of a group is in a row: a column without entries is no displacement.
-        is_not = np.where(unique.any(axis=1), 0.0, 2.0)
+        _, is_free, place = self._patterns
+        is_not = 2.0 * (1.0 - is_free)
         projectors = self.projector.reshape(-1, *self.projector.shape[2:])
         _, first = np.unique(place, return_index=True)
         diagonal = is_not[..., None] * np.eye(is_not.shape[-1])
@@ -169,12 +183,12 @@ class Groups:
             blocks: Its blocks, shape (G, d, C, C).
         """
         group, component, i, j = np.nonzero(blocks)
-        values = blocks[group, component, i, j]
-        nodes = self._table[group, i], self._table[group, j]
-        turned = self.frames.entries(self.numbers, *nodes, component, values)
+        rows, columns = self._table[group, i], self._table[group, j]
+        of_rows, of_columns = self.frames.at(rows), self.frames.at(columns)
+        turned = of_rows.entries(of_columns, component, blocks[group, component, i, j])
         place, row, column, values = turned
-        d = blocks.shape[1]
-        return nodes[0][place] * d + row, nodes[1][place] * d + column, values
+        rows, columns = (self.numbers[nodes[place]] * self._d for nodes in (rows, columns))
+        return rows + row, columns + column, values
 
     def columns_of(
         self, blocks: np.ndarray, used: np.ndarray, column_of: np.ndarray
@@ -190,12 +204,11 @@ class Groups:
             Global degrees of freedom, numbers of columns, and values.
         """
         group, component, i, k = np.nonzero(used)
-        values = blocks[group, component, i, k]
         nodes = self._table[group, i]
-        turned = self.frames.entries(self.numbers, nodes, None, component, values)
+        turned = self.frames.at(nodes).entries(None, component, blocks[group, component, i, k])
         place, row, _, values = turned
         columns = column_of[group, component, k][place]
-        return nodes[place] * blocks.shape[1] + row, columns, values
+        return self.numbers[nodes[place]] * self._d + row, columns, values
 
     def from_nodes(self, blocks: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return rows, columns and values of a matrix from nodes to the rows of B.
@@ -209,18 +222,23 @@ class Groups:
         """
         of_rows = blocks[self.group_of_row, :, self.slot_of_row]
         row, component, j = np.nonzero(of_rows)
-        values = of_rows[row, component, j]
-        nodes = self.numbers[self._first[row]], self._table[self.group_of_row[row], j]
-        turned = self.frames.entries(self.numbers, *nodes, component, values)
+        nodes = self._table[self.group_of_row[row], j]
+        frames = self.frames_of_rows.at(row)
+        turned = frames.entries(self.frames.at(nodes), component, of_rows[row, component, j])
         place, of_row, column, values = turned
-        d = blocks.shape[1]
-        return row[place] * d + of_row, nodes[1][place] * d + column, values
+        dofs = self.numbers[nodes[place]] * self._d + column
+        return row[place] * self._d + of_row, dofs, values
+
+    @property
+    def _d(self) -> int:
+        """Return the dimension."""
+        return self.is_free.shape[1]
 
     @cached_property
     def _table(self) -> np.ndarray:
-        """Return the global numbers of the nodes of each group, shape (G, C)."""
+        """Return the places of the nodes of each group among all, shape (G, C)."""
         table = np.full((self.whole.shape[0], self.whole.shape[3]), NOBODY)
-        table[self.group, self.slot] = self.numbers
+        table[self.group, self.slot] = np.arange(len(self.numbers))
         return table
 
 

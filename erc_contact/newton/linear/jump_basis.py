@@ -19,7 +19,6 @@ class JumpBasis:
 
     Args:
         groups: B of all contacts at connected nodes.
-        ends: Global numbers of nodes at which contacts end inside a body, without jump.
         numbers: Global numbers of the degrees of freedom of the layer, contact nodes
             first, shape (L,).
         contact_size: How many of them are at contact nodes.
@@ -28,38 +27,31 @@ class JumpBasis:
         jump_count: Number of unknowns A that change jumps.
     """
 
-    def __init__(
-        self, groups: Groups, ends: np.ndarray, numbers: np.ndarray, contact_size: int
-    ) -> None:
+    def __init__(self, groups: Groups, numbers: np.ndarray, contact_size: int) -> None:
         self._numbers = numbers
         self._order = np.argsort(numbers)
         self._matrix: csr_array | None = None
         self.jump_count = contact_size
-        if len(groups.numbers) + len(ends) == 0:
+        if len(groups.numbers) == 0:
             return
         d = groups.jumps.shape[1]
         in_groups = np.isin(numbers, dofs_of(groups.numbers, d))
         at_contact = np.arange(len(in_groups)) < contact_size
-        is_end = at_contact & np.isin(numbers, dofs_of(ends, d))
-        alone = np.flatnonzero(at_contact & ~in_groups & ~is_end)
-        at_ends = np.flatnonzero(is_end)
-        first_end = contact_size - len(at_ends)
+        alone = np.flatnonzero(at_contact & ~in_groups)
         vectors, is_jump, is_alike = groups.bases
         self.jump_count = len(alone) + int(is_jump.sum())
         column_of = np.full(is_jump.shape, -1)
         column_of[is_jump] = np.arange(len(alone), self.jump_count)
-        column_of[is_alike] = np.arange(self.jump_count, first_end)
+        column_of[is_alike] = np.arange(self.jump_count, contact_size)
         used = (column_of >= 0)[:, :, None] & groups.is_free[..., None]
         dofs, columns, values = groups.columns_of(vectors, used, column_of)
 
         off_contact = np.arange(contact_size, len(in_groups))
-        identity = np.ones(len(alone) + len(at_ends) + len(off_contact))
+        identity = np.ones(len(alone) + len(off_contact))
         self._matrix = local_matrix(
             (len(in_groups), len(in_groups)),
-            np.concatenate([self.places(dofs), alone, at_ends, off_contact]),
-            np.concatenate(
-                [columns, np.arange(len(alone)), np.arange(first_end, contact_size), off_contact]
-            ),
+            np.concatenate([self.places(dofs), alone, off_contact]),
+            np.concatenate([columns, np.arange(len(alone)), off_contact]),
             np.concatenate([values, identity]),
         )
 

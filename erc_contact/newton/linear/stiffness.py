@@ -127,12 +127,8 @@ class Stiffness(ElasticEquations):
         self._factor: Factor | Substructures | None = None
         self._matrix: PETSc.Mat | None = None
         if self.layer.contact_size:
-            self.basis = JumpBasis(
-                model.connections.groups,
-                model.connections.ends,
-                self.layer.numbers,
-                self.layer.contact_size,
-            )
+            groups = model.connections.groups
+            self.basis = JumpBasis(groups, self.layer.numbers, self.layer.contact_size)
             self.contact_size = self.basis.jump_count
             self._condense()
 
