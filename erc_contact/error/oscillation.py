@@ -149,7 +149,13 @@ def _of_body_force(
     data = space.everywhere(space.section.carried_density(model.body_force))
     difference = _squares(space, data, space.owned_cells, projected, k - 1)
     integral = integrate(
-        space.comm, difference, corners, volume, cell_pieces(d), share=OSCILLATION_SHARE
+        space.comm,
+        difference,
+        corners,
+        volume,
+        cell_pieces(d),
+        share=OSCILLATION_SHARE,
+        most=space.search_points,
     )
     square = integral.value[:, 0]
     modulus = space.at_middles(model.modulus, space.owned_cells)
@@ -219,6 +225,7 @@ def _on_facets(
         area,
         facet_pieces(space.d - 1),
         share=OSCILLATION_SHARE,
+        most=space.search_points,
     )
     return integral.value[:, 0]
 

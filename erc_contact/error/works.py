@@ -187,7 +187,16 @@ def _over_cells(
     size = space.comm.allreduce(float((volume * sizes[0]) @ sizes[1]), MPI.SUM)
     pieces = cell_pieces(space.d)
     floor = max(ROUND_OFF * size, floor)
-    integral = integrate(space.comm, density, corners, volume, pieces, floor=floor, hidden=hidden)
+    integral = integrate(
+        space.comm,
+        density,
+        corners,
+        volume,
+        pieces,
+        floor=floor,
+        hidden=hidden,
+        most=space.search_points,
+    )
     return BoundedNumber.summed(space.comm, integral)
 
 

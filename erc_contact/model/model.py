@@ -132,7 +132,7 @@ class Model:
         section = Meridian if is_axisymmetric(scene.material) else Section
         tied = domain.tied([tie.sides for tie in scene.ties])
         self.domain = tied.with_periodic(periodic_pairs(scene.contacts, tied))
-        space = Space(self.domain, degree, section)
+        space = Space(self.domain, degree, section, scene.varying)
         self.space = space
         self.scene = scene
         self.is_later_step = last is not None

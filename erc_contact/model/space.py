@@ -38,6 +38,15 @@ from namedmesh.simplex import (
     rule,
 )
 
+SEARCH_POINTS = (0, 0, 30, 80)
+"""Number of points for each unknown at which data may be searched, by dimension.
+
+A search of as many takes the processor about as long as the solve.
+"""
+FURTHER_SEARCH_POINTS = 60_000
+"""Number of points beyond these, for the part of a solve that any mesh takes."""
+SEARCHES = 2
+"""Number of searches of a datum: for a load its projection, and what this leaves."""
 FACET_SAMPLES = 12
 """Number of parts of a facet's edge between the samples of data that vary along it."""
 
@@ -57,6 +66,7 @@ class Space:
         domain: The mesh with names.
         degree: Degree k of the displacement, 1 or 2.
         section: The kind of section that the mesh is of its bodies.
+        data: Number of data that vary, to share the points of searches.
 
     Attributes:
         section: What the bodies are of which the mesh is a section. Stresses,
@@ -77,7 +87,9 @@ class Space:
         InputError: If the degree is not 1 or 2, or cells are flat or folded.
     """
 
-    def __init__(self, domain: Bodies, degree: int, section: type[Section] = Section) -> None:
+    def __init__(
+        self, domain: Bodies, degree: int, section: type[Section] = Section, data: int = 1
+    ) -> None:
         if degree not in (1, 2):
             raise InputError(f"degree is {degree!r}; allowed are 1 and 2.")
         self.domain = domain
@@ -97,6 +109,9 @@ class Space:
         self._facet_vertices = self._order_vertices()
         self.ds = ufl.Measure("ds", domain=self.mesh, subdomain_data=domain.facet_tags)
         self.dx = ufl.Measure("dx", domain=self.mesh)
+        unknowns = self.V.dofmap.index_map.size_global * self.d
+        points = SEARCH_POINTS[self.d] * unknowns + FURTHER_SEARCH_POINTS
+        self.search_points = points // (SEARCHES * max(data, 1))
 
     def function(self) -> fem.Function:
         """Make a new Function of V, zero everywhere."""

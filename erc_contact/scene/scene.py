@@ -14,7 +14,7 @@ from itertools import pairwise
 from typing import Any
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.scene.checks import round_off
+from erc_contact.scene.checks import has_callable, round_off
 from erc_contact.scene.contact import Contact
 from erc_contact.scene.load import LOAD_MEMBERS, Drive, Load
 from erc_contact.scene.material import (
@@ -142,6 +142,13 @@ class Scene:
     def unit(self, dimension: str) -> str:
         """Return the unit of a dimension as it stands behind a number, or ""."""
         return unit_of(dimension, self.units)
+
+    @property
+    def varying(self) -> int:
+        """Return how many of the entries have values that vary."""
+        lists = self.supports, self.loads, self.contacts, self.strains, self.springs
+        entries = [self.material, *(entry for entries in lists for entry in entries)]
+        return sum(has_callable(entry) for entry in entries)
 
     def __str__(self) -> str:
         """List what the scene says of each part, a line each."""

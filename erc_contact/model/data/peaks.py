@@ -57,20 +57,12 @@ PEAK_ROUNDS = 60
 """Greatest number of bisections of a piece."""
 JUMP_ROUNDS = 40
 """The same at a jump, so that round-off does not move its samples onto each other."""
-MOST_PIECES = 1000
-"""Greatest number of pieces of a simplex that may be bisected in one round.
+MOST_PIECES = 4000
+"""Number of pieces of a simplex that may be bisected, by default.
 
 So a line of cusps in a triangle ends. What is left there makes the bound larger. The
 limit holds for each simplex, so that a bound does not depend on which other simplices a
 rank has.
-"""
-LEAST_PIECES = 100
-"""The same where a mesh has many simplices."""
-PIECES_OF_MESH = 100_000
-"""Number of pieces of all simplices of a mesh that may be bisected in one round.
-
-Lines of kinks across each facet of a contact in 3D took thirty times the solve without
-this limit.
 """
 CHUNK_SIMPLICES = 256
 """Number of simplices that are worked on at once, for the sake of memory."""
@@ -82,18 +74,20 @@ coordinates, shape (n, q, v), and in true coordinates, (n, q, d).
 """
 
 
-def pieces_of_each(simplices: int) -> int:
-    """Return how many pieces of each simplex may be bisected in one round.
+def pieces_of_each(points: int, simplices: int, pieces: np.ndarray) -> int:
+    """Return how many pieces of each simplex may be bisected.
 
     Args:
+        points: Number of points of all simplices.
         simplices: Number of simplices of all ranks.
+        pieces: The first pieces of each simplex, shape (c, v, v).
 
     Example:
-        >>> pieces_of_each(50), pieces_of_each(400), pieces_of_each(5000)
-        (1000, 250, 100)
+        >>> pieces_of_each(9000, 50, facet_pieces(1))  # of 20 pieces, of which 8 are first
+        6
     """
-    share = PIECES_OF_MESH // max(simplices, 1)
-    return min(max(share, LEAST_PIECES), MOST_PIECES)
+    evaluated = points // (max(simplices, 1) * len(piece_points(pieces.shape[1] - 1).points))
+    return max(evaluated - len(pieces), 0) // 2
 
 
 def upper_bounds(
@@ -116,7 +110,7 @@ def upper_bounds(
         round_off: By how much the bound of each simplex may always be too large, shape
             (simplices,).
         cuts: Kinks of the function that are known, on segments; None without.
-        most: Number of pieces of a simplex that may be bisected in one round, see
+        most: Number of pieces of each simplex that may be bisected, see
             :func:`pieces_of_each`.
 
     Returns:
@@ -151,6 +145,7 @@ def _of_chunk(
     bound = np.full(count, -np.inf)
     inherited = np.zeros(len(simplex))
     inherited_at_jump = np.zeros(len(simplex))
+    left = np.full(count, most)
 
     def values_at(simplex: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
         return f(numbers[simplex], places, x)
@@ -169,9 +164,11 @@ def _of_chunk(
         tolerance = np.maximum(share * (highest - lowest)[simplex], round_off[simplex])
         # A piece that cannot hold the peak, by more than the tolerance, is finished.
         goes_on = peak > highest[simplex] + tolerance
-        too_many = np.bincount(simplex[goes_on], minlength=count) > most
+        bisected = np.bincount(simplex[goes_on], minlength=count)
+        fits = bisected <= left
+        left = np.where(fits, left - bisected, 0)
         rounds = np.where(is_jump, JUMP_ROUNDS, PEAK_ROUNDS)
-        goes_on &= ~too_many[simplex] & (turn < rounds)
+        goes_on &= fits[simplex] & (turn < rounds)
         # The sides of a jump hide nothing where each of them is level. It is bisected
         # all the same, to find what is next to it.
         peak = np.minimum(peak, found.greatest + at_jump)

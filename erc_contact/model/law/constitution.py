@@ -103,11 +103,13 @@ class Constitution:
             ``|sigma - C (eps - eps_0)|^2`` and ``|sigma + C (eps - eps_0)|^2`` in the
             metric [force/area], shape (n, q, 2).
         """
-        elastic = self.stress(strain, x, cells)
-        squares = []
-        for tensor in (stress - elastic, stress + elastic):
-            squares.append((self.metric.times(tensor, x, cells) * tensor).sum(axis=-1))
-        return np.stack(squares, axis=-1)
+        if self._given is not None:
+            strain = strain - self._given(x, cells)
+        misfit = stress - self.stress_change(strain, x, cells)
+        square = np.einsum("...i,...i->...", self.metric.times(misfit, x, cells), misfit)
+        # The square of the sum is more by four times the work.
+        work = np.einsum("...i,...i->...", stress, strain)
+        return np.stack([square, square + 4.0 * work], axis=-1)
 
 
 class ElasticMatrix:
@@ -226,7 +228,7 @@ def act(moduli: np.ndarray, tensor: np.ndarray) -> np.ndarray:
         return tensor @ moduli[0, 0].T
     if moduli.shape[1] == 1:
         return np.matmul(tensor, moduli[:, 0].transpose(0, 2, 1))
-    return np.matmul(moduli, tensor[..., None])[..., 0]
+    return np.einsum("...ij,...j->...i", moduli, tensor)
 
 
 @lru_cache(maxsize=64)
