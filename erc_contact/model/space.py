@@ -38,15 +38,13 @@ from namedmesh.simplex import (
     rule,
 )
 
-SEARCH_POINTS = (0, 0, 30, 80)
-"""Number of points for each unknown at which data may be searched, by dimension.
+SEARCH_POINTS = (0, 0, 10, 60)
+"""Number of points for each unknown at which a search evaluates data, by dimension.
 
-A search of as many takes the processor about as long as the solve.
+All searches of a datum then take the processor about as long as the solve.
 """
-FURTHER_SEARCH_POINTS = 60_000
+FURTHER_SEARCH_POINTS = 25_000
 """Number of points beyond these, for the part of a solve that any mesh takes."""
-SEARCHES = 2
-"""Number of searches of a datum: for a load its projection, and what this leaves."""
 FACET_SAMPLES = 12
 """Number of parts of a facet's edge between the samples of data that vary along it."""
 
@@ -111,7 +109,7 @@ class Space:
         self.dx = ufl.Measure("dx", domain=self.mesh)
         unknowns = self.V.dofmap.index_map.size_global * self.d
         points = SEARCH_POINTS[self.d] * unknowns + FURTHER_SEARCH_POINTS
-        self.search_points = points // (SEARCHES * max(data, 1))
+        self.search_points = points // max(data, 1)
 
     def function(self) -> fem.Function:
         """Make a new Function of V, zero everywhere."""

@@ -21,7 +21,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from erc_contact.model.data.quadrature import Cuts, Pieces, bisect, first_pieces, piece_points
+from erc_contact.model.data.quadrature import (
+    CHUNK_PIECES,
+    Cuts,
+    Pieces,
+    bisect,
+    first_pieces,
+    piece_points,
+)
 
 SMOOTH_RISE = 0.1
 """Rise of a smooth function between its samples, as a share of their range [-]."""
@@ -210,16 +217,20 @@ def _on_pieces(
 ) -> _Sampled:
     """Sample the function on each piece."""
     points, _, residual = piece_points(vertices.shape[1] - 1)
-    places = np.matmul(points, corners)
-    values = f(simplex, places, np.matmul(places, vertices[simplex]))
-    greatest = values.max(axis=1)
-    least = values.min(axis=1)
+    greatest, least, at_jump, distance = np.empty((4, len(simplex)))
+    for start in range(0, len(simplex), CHUNK_PIECES):
+        chunk = slice(start, start + CHUNK_PIECES)
+        places = np.matmul(points, corners[chunk])
+        values = f(simplex[chunk], places, np.matmul(places, vertices[simplex[chunk]]))
+        high = values.max(axis=1)
+        low = values.min(axis=1)
+        greatest[chunk] = high
+        least[chunk] = low
+        at_jump[chunk] = np.minimum(high[:, None] - values, values - low[:, None]).max(axis=1)
+        distance[chunk] = abs(values @ residual.T).max(axis=1)
     span = greatest - least
-    below = greatest[:, None] - values
-    distance = np.minimum(below, span[:, None] - below)
-    at_jump = distance.max(axis=1)
     jumps = at_jump <= JUMP_SHARE * span
-    roughness = CUSP_RISE * abs(values @ residual.T).max(axis=1)
+    roughness = CUSP_RISE * distance
     # A cusp that happens to look smooth in a piece did not in the piece around it.
     roughness = np.maximum(roughness, inherited)
     at_jump = np.where(jumps, at_jump, np.inf)

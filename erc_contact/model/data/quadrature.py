@@ -28,7 +28,7 @@ import basix
 import numpy as np
 from mpi4py import MPI
 
-from namedmesh.simplex import CELLS, barycentric, bernstein, lattice, rule
+from namedmesh.simplex import CELLS, barycentric, bernstein_at, lattice, rule
 
 UNKNOWN_SHARE = 1e-8
 """Share of an integral that may stay unknown by default [-]."""
@@ -360,9 +360,7 @@ def cell_pieces(size: int) -> np.ndarray:
 
 def polynomials(degree: int, points: np.ndarray) -> np.ndarray:
     """Evaluate Bernstein polynomials at barycentric points, shape (n, q, N)."""
-    n, q, v = points.shape
-    values = bernstein(v - 1, degree, points.reshape(n * q, v)[:, 1:])
-    return values.reshape(n, q, values.shape[1])
+    return bernstein_at(degree, points)
 
 
 @dataclass(frozen=True, eq=False)
