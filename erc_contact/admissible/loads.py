@@ -60,7 +60,7 @@ def traction_moments(space: Space, facets: np.ndarray, traction: Ufl) -> np.ndar
         of_vector=True,
         cuts=kinks_on_facets(space, [traction], facets),
         owned=space.owned(facets),
-        most=space.search_points,
+        most=space.law_points,
     )
     of_facets = total.value.reshape(len(facets), len(space.facet_points), d)
     return space.section.vanishing_moments(of_facets, space.facet_corners(facets))
@@ -99,7 +99,7 @@ def cell_forces(model: Model, cells: CellGeometry) -> np.ndarray | None:
         cell_pieces(d),
         of_vector=True,
         owned=of_cells < model.domain.owned_cells,
-        most=space.search_points,
+        most=space.data_points,
     )
     means = total.value.reshape(len(of_cells), len(nodes(d, k - 1)), d)
     forces = from_means(d, k - 1, space.section.carried(means))

@@ -92,7 +92,7 @@ def fenchel_error(admissible: Admissible) -> LawError:
         share=UNKNOWN_SHARE,
         floor=floor,
         hidden=hidden_by_data(law, of_cells, of_law),
-        most=space.search_points,
+        most=space.law_points,
     )
     unknown = 0.0 if total.resolved.all() else float(total.bound.max(axis=1).sum())
     value = np.maximum(near.taken * of_linear + total.value, 0.0)

@@ -155,7 +155,7 @@ def _of_body_force(
         volume,
         cell_pieces(d),
         share=OSCILLATION_SHARE,
-        most=space.search_points,
+        most=space.data_points,
     )
     square = integral.value[:, 0]
     modulus = space.at_middles(model.modulus, space.owned_cells)
@@ -225,7 +225,7 @@ def _on_facets(
         area,
         facet_pieces(space.d - 1),
         share=OSCILLATION_SHARE,
-        most=space.search_points,
+        most=space.law_points,
     )
     return integral.value[:, 0]
 

@@ -195,7 +195,7 @@ def _over_cells(
         pieces,
         floor=floor,
         hidden=hidden,
-        most=space.search_points,
+        most=space.law_points,
     )
     return BoundedNumber.summed(space.comm, integral)
 

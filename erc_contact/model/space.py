@@ -38,13 +38,15 @@ from namedmesh.simplex import (
     rule,
 )
 
-SEARCH_POINTS = (0, 0, 10, 60)
-"""Number of points for each unknown at which a search evaluates data, by dimension.
+LAW_POINTS = (0, 0, 10, 60)
+"""Number of points for each unknown at which an integral evaluates a law, by dimension.
 
-All searches of a datum then take the processor about as long as the solve.
+All searches of a scene then take the processor about as long as the solve.
 """
-FURTHER_SEARCH_POINTS = 25_000
+FURTHER_POINTS = 25_000
 """Number of points beyond these, for the part of a solve that any mesh takes."""
+DATA_POINTS = 2
+"""Number of points of a gap or a load that take as long as a point of a law."""
 FACET_SAMPLES = 12
 """Number of parts of a facet's edge between the samples of data that vary along it."""
 
@@ -80,6 +82,9 @@ class Space:
         n: Outward normal of the boundary, UFL.
         dx: Measure of the cells.
         ds: Measure of the boundary with the tags of its parts.
+        law_points: At how many points of all ranks an integral of a law may evaluate
+            it, so that searches take no longer than the solve.
+        data_points: The same where data are searched alone.
 
     Raises:
         InputError: If the degree is not 1 or 2, or cells are flat or folded.
@@ -108,8 +113,8 @@ class Space:
         self.ds = ufl.Measure("ds", domain=self.mesh, subdomain_data=domain.facet_tags)
         self.dx = ufl.Measure("dx", domain=self.mesh)
         unknowns = self.V.dofmap.index_map.size_global * self.d
-        points = SEARCH_POINTS[self.d] * unknowns + FURTHER_SEARCH_POINTS
-        self.search_points = points // max(data, 1)
+        self.law_points = (LAW_POINTS[self.d] * unknowns + FURTHER_POINTS) // max(data, 1)
+        self.data_points = DATA_POINTS * self.law_points
 
     def function(self) -> fem.Function:
         """Make a new Function of V, zero everywhere."""
