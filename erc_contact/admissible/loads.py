@@ -99,7 +99,7 @@ def cell_forces(model: Model, cells: CellGeometry) -> np.ndarray | None:
         cell_pieces(d),
         of_vector=True,
         owned=of_cells < model.domain.owned_cells,
-        most=space.data_points,
+        most=space.law_points,
     )
     means = total.value.reshape(len(of_cells), len(nodes(d, k - 1)), d)
     forces = from_means(d, k - 1, space.section.carried(means))

@@ -155,7 +155,7 @@ def _of_body_force(
         volume,
         cell_pieces(d),
         share=OSCILLATION_SHARE,
-        most=space.data_points,
+        most=space.law_points,
     )
     square = integral.value[:, 0]
     modulus = space.at_middles(model.modulus, space.owned_cells)

@@ -46,7 +46,7 @@ All searches of a scene then take the processor about as long as the solve.
 FURTHER_POINTS = 25_000
 """Number of points beyond these, for the part of a solve that any mesh takes."""
 DATA_POINTS = 2
-"""Number of points of a gap or a load that take as long as a point of a law."""
+"""Number of points of a gap, or of a load alone, that take as long as one of a law."""
 FACET_SAMPLES = 12
 """Number of parts of a facet's edge between the samples of data that vary along it."""
 
