@@ -57,7 +57,7 @@ def traction_moments(space: Space, facets: np.ndarray, traction: Ufl) -> np.ndar
         space.facet_corners(facets),
         area,
         facet_pieces(d - 1),
-        of_vector=True,
+        components=d,
         cuts=kinks_on_facets(space, [traction], facets),
         owned=space.owned(facets),
         most=space.law_points,
@@ -97,7 +97,7 @@ def cell_forces(model: Model, cells: CellGeometry) -> np.ndarray | None:
         corners,
         cells.volume,
         cell_pieces(d),
-        of_vector=True,
+        components=d,
         owned=of_cells < model.domain.owned_cells,
         most=space.law_points,
     )

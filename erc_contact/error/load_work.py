@@ -131,7 +131,7 @@ def _surface_work(space: Space, part: str, density: Ufl, v: fem.Function) -> Bou
     corners = space.facet_corners(facets)
     pieces = facet_pieces(d - 1)
     most = space.data_points
-    integral = integrate(space.comm, work, corners, area, pieces, of_vector=True, most=most)
+    integral = integrate(space.comm, work, corners, area, pieces, components=d, most=most)
     return BoundedNumber.summed(space.comm, integral)
 
 
@@ -147,7 +147,7 @@ def _body_work(space: Space, force: Ufl, v: fem.Function) -> BoundedNumber:
     volume = cells.volume[:owned]
     pieces = cell_pieces(d)
     most = space.data_points
-    integral = integrate(space.comm, work, corners, volume, pieces, of_vector=True, most=most)
+    integral = integrate(space.comm, work, corners, volume, pieces, components=d, most=most)
     return BoundedNumber.summed(space.comm, integral)
 
 

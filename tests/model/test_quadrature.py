@@ -178,7 +178,7 @@ def test_a_component_that_is_round_off_beside_others_needs_no_resolution():
         noise = np.random.default_rng(0).normal(size=x.shape[:2])
         return np.stack([1.0 + x[..., 0], 1e-16 * noise], axis=-1)
 
-    as_vector = integrate(COMM, f, vertices, size, facet_pieces(1), of_vector=True)
+    as_vector = integrate(COMM, f, vertices, size, facet_pieces(1), components=2)
     pieces = sum(evaluated)
     evaluated.clear()
     as_two = integrate(COMM, f, vertices, size, facet_pieces(1))

@@ -73,6 +73,9 @@ What they do not leave is for the pieces of later rounds.
 CLASSES = 60
 """Number of powers of two below the worst piece that are told apart."""
 
+INSIDE_CLASS = 0.7
+"""Place of the worst piece in its class: classes end at powers of two."""
+
 Integrand = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 """A function that returns the values of i integrands at q points of n pieces, shape (n,
 q, i). It gets the number of the simplex of each piece, shape (n,), and the points in
@@ -95,9 +98,9 @@ class Integral:
     Attributes:
         value: The integrals, shape (simplices, i).
         bound: Bounds of their errors if the integrand is resolved, else estimates, of
-            the same shape.
+            the same shape; of vectors times functions the sums over the functions.
         resolved: Whether the sum of ``bound`` over all ranks is as small as was asked
-            for, shape (i,).
+            for, for each column of it.
     """
 
     value: np.ndarray
@@ -114,7 +117,7 @@ def integrate(
     *,
     share: float | np.ndarray = UNKNOWN_SHARE,
     floor: float | np.ndarray = 0.0,
-    of_vector: bool = False,
+    components: int | None = None,
     cuts: Cuts | None = None,
     hidden: Hidden | None = None,
     owned: np.ndarray | None = None,
@@ -137,8 +140,9 @@ def integrate(
         share: Share of each integral that may stay unknown, relative to the sum of the
             absolute values of the integrals over all pieces [-].
         floor: Amount of each integral that may always stay unknown.
-        of_vector: Whether the integrands are components of vectors: what is round-off
-            beside the other components may stay unknown.
+        components: Number of components, if the integrands are vectors times some
+            functions, in this order: then what is unknown is summed over the functions,
+            and what is round-off beside the other components may stay unknown.
         cuts: Kinks of the integrands that are known, on segments; None without.
         hidden: What integrands may do between the points; it is unknown, too.
         owned: Whether this rank owns each simplex, shape (simplices,); None where it
@@ -166,17 +170,18 @@ def integrate(
         piece_value, piece_unknown = _on_pieces(
             f, vertices, simplex, corners, piece_measure, hidden
         )
+        # The order of the functions may depend on the number of ranks, sums do not.
+        piece_unknown = _summed(piece_unknown, components)
+        own = counts[simplex]
         if turn == 0:
             # The first evaluation tells the number of integrands, and their size.
-            integrands = piece_value.shape[1]
-            value = np.zeros((len(vertices), integrands))
-            unknown = np.zeros((len(vertices), integrands))
-            of_rank = abs(piece_value[counts[simplex]]).sum(axis=0)
-            size_of_integrals = comm.allreduce(of_rank, MPI.SUM)
+            value = np.zeros((len(vertices), piece_value.shape[1]))
+            unknown = np.zeros((len(vertices), piece_unknown.shape[1]))
+            sizes = _summed(abs(piece_value[own]), components)
+            size_of_integrals = comm.allreduce(sizes.sum(axis=0), MPI.SUM)
             allowed = np.maximum(share * size_of_integrals, floor)
-            if of_vector:
+            if components is not None:
                 allowed = np.maximum(allowed, ROUND_OFF * size_of_integrals.sum())
-        own = counts[simplex]
         sums = np.stack([unknown[counts].sum(axis=0), piece_unknown[own].sum(axis=0)])
         of_done, of_pieces = comm.allreduce(sums, MPI.SUM)
         left = LEFT_IN_A_ROUND * (allowed - of_done)
@@ -197,6 +202,14 @@ def integrate(
     return Integral(value, unknown, total_unknown <= allowed)
 
 
+def _summed(values: np.ndarray, components: int | None) -> np.ndarray:
+    """Sum integrands (n, i) that are vectors times functions over these, (n, c)."""
+    if components is None:
+        return values
+    functions = values.shape[1] // components
+    return np.asarray(values.reshape(len(values), functions, components).sum(axis=1))
+
+
 def _worst(
     comm: MPI.Comm, unknown: np.ndarray, own: np.ndarray, allowed: np.ndarray, most: int
 ) -> tuple[np.ndarray, int]:
@@ -215,20 +228,22 @@ def _worst(
     Returns:
         Which they are, shape (n,), and their number on all ranks.
     """
-    greatest = comm.allreduce(unknown.max(axis=0, initial=0.0), MPI.MAX)
-    # A class of pieces leaves the same power of two of what the worst one leaves.
+    greatest = np.max(comm.allgather(unknown.max(axis=0, initial=0.0)), axis=0)
+    # A class of pieces leaves the same power of two of what the worst one leaves. Halves
+    # of equal pieces leave powers of two of each other, which are no ends of a class.
     shares = np.divide(unknown, greatest, out=np.zeros_like(unknown), where=greatest > 0.0)
+    shares *= INSIDE_CLASS
     _, powers = np.frexp(shares)
     classes = np.maximum(powers + CLASSES, 0)
     classes[unknown == 0.0] = 0
-    sums = np.zeros((CLASSES + 2, unknown.shape[1]))
+    sums = np.zeros((CLASSES + 1, unknown.shape[1]))
     for i in range(unknown.shape[1]):
-        sums[:, i] = np.bincount(classes[own, i], unknown[own, i], CLASSES + 2)
+        sums[:, i] = np.bincount(classes[own, i], unknown[own, i], CLASSES + 1)
     up_to = np.cumsum(comm.allreduce(sums, MPI.SUM), axis=0)
     first_bad = np.count_nonzero(up_to <= np.maximum(allowed, 0.0), axis=0)
     # Classes count from the first one that is bad, the worst integrand of a piece counts.
     level = np.maximum((classes - first_bad + 1).max(axis=1, initial=0), 0)
-    of_level = comm.allreduce(np.bincount(level[own], minlength=CLASSES + 3), MPI.SUM)
+    of_level = comm.allreduce(np.bincount(level[own], minlength=CLASSES + 2), MPI.SUM)
     from_level = np.append(np.cumsum(of_level[::-1])[::-1], 0)
     least = 1 + int(np.argmax(from_level[1:] <= max(most, 0)))
     return level >= least, int(from_level[least])
