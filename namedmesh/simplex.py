@@ -123,7 +123,12 @@ def bernstein(d: int, k: int, points: np.ndarray) -> np.ndarray:
 
 
 def bernstein_at(k: int, places: np.ndarray) -> np.ndarray:
-    """Evaluate Bernstein polynomials at barycentric points (..., d+1), shape (..., N)."""
+    """Evaluate Bernstein polynomials at places (..., d+1), shape (..., N).
+
+    Args:
+        k: Their degree.
+        places: Barycentric coordinates of points.
+    """
     if k == 0:
         return np.ones((*places.shape[:-1], 1))
     if k == 1:

@@ -90,7 +90,7 @@ def pieces_of_each(points: int, simplices: int, pieces: np.ndarray) -> int:
         pieces: The first pieces of each simplex, shape (c, v, v).
 
     Example:
-        >>> pieces_of_each(9000, 50, facet_pieces(1))  # of 20 pieces, of which 8 are first
+        >>> pieces_of_each(9000, 50, facet_pieces(1))  # 8 of 20 are the first pieces
         6
     """
     evaluated = points // (max(simplices, 1) * len(piece_points(pieces.shape[1] - 1).points))

@@ -229,8 +229,8 @@ def _worst(
         Which they are, shape (n,), and their number on all ranks.
     """
     greatest = np.max(comm.allgather(unknown.max(axis=0, initial=0.0)), axis=0)
-    # A class of pieces leaves the same power of two of what the worst one leaves. Halves
-    # of equal pieces leave powers of two of each other, which are no ends of a class.
+    # A class of pieces leaves the same power of two of what the worst one leaves. What
+    # pieces leave are often powers of two of each other, which are no ends of a class.
     shares = np.divide(unknown, greatest, out=np.zeros_like(unknown), where=greatest > 0.0)
     shares *= INSIDE_CLASS
     _, powers = np.frexp(shares)
@@ -241,7 +241,7 @@ def _worst(
         sums[:, i] = np.bincount(classes[own, i], unknown[own, i], CLASSES + 1)
     up_to = np.cumsum(comm.allreduce(sums, MPI.SUM), axis=0)
     first_bad = np.count_nonzero(up_to <= np.maximum(allowed, 0.0), axis=0)
-    # Classes count from the first one that is bad, the worst integrand of a piece counts.
+    # Levels are classes from the first bad one on; the worst integrand of a piece counts.
     level = np.maximum((classes - first_bad + 1).max(axis=1, initial=0), 0)
     of_level = comm.allreduce(np.bincount(level[own], minlength=CLASSES + 2), MPI.SUM)
     from_level = np.append(np.cumsum(of_level[::-1])[::-1], 0)
