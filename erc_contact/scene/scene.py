@@ -143,13 +143,6 @@ class Scene:
         """Return the unit of a dimension as it stands behind a number, or ""."""
         return unit_of(dimension, self.units)
 
-    @property
-    def varying(self) -> int:
-        """Return how many of the entries have values that vary."""
-        lists = self.supports, self.loads, self.contacts, self.strains, self.springs
-        entries = [self.material, *(entry for entries in lists for entry in entries)]
-        return sum(has_callable(entry) for entry in entries)
-
     def __str__(self) -> str:
         """List what the scene says of each part, a line each."""
         return in_columns(in_words(self))
@@ -336,6 +329,14 @@ class Scene:
                     f" {type(first).__name__}({first.facets!r}), and of {len(other_value)},"
                     f" {type(second).__name__}({second.facets!r}); give one for each dimension."
                 )
+
+
+def count_varying(scene: Scene) -> int:
+    """Count the entries of a scene, with the material, whose values vary in space."""
+    entries: list[Any] = [scene.material]
+    for name in LISTS:
+        entries += getattr(scene, name)
+    return sum(has_callable(entry) for entry in entries)
 
 
 def _sides(entries: Sequence[Any], kind: str) -> Counter[str]:

@@ -5,7 +5,8 @@ the function is sampled on each of them. It may be greater between the samples o
 piece than at them. Where it is smooth, a share of its range at the samples covers that;
 where it is not, as at a cusp like ``-sqrt|x|``, its distance from the polynomial that
 is nearest to the samples does. A piece whose bound may be the greatest of its simplex
-by more than a tolerance is bisected.
+by more than a tolerance is bisected, until the simplex has as many pieces as a mesh can
+afford. What is left then makes the bound larger.
 
 A peak that changes no value at the samples of the first pieces (72 on a facet in 2D,
 352 in 3D) is missed.

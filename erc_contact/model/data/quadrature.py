@@ -3,9 +3,11 @@
 Each simplex (a cell or a facet) is cut into a few pieces. The integrand is evaluated at
 points inside a piece and near its boundary, and compared with a polynomial of degree 4,
 which squares of stresses of degree 2 are. If it is not near one, the piece is bisected.
-So there are few pieces where the integrand is smooth, and many at a kink or a jump. The
-result tells whether the integrand is resolved. If it is, the distances from the
-polynomials bound the error; otherwise they estimate it.
+So there are few pieces where the integrand is smooth, and many at a kink or a jump. If
+they would be more than a mesh can afford (:class:`erc_contact.model.space.Space`), so
+many are bisected that leave most unknown. The result tells whether the integrand is
+resolved. If it is, the distances from the polynomials bound the error; otherwise they
+estimate it.
 
 Only the values at the points are known, unless the caller bounds what integrands do
 between them (:data:`Hidden`). Before any bisection there are 72 points on a facet in 2D
@@ -241,7 +243,7 @@ def _worst(
         sums[:, i] = np.bincount(classes[own, i], unknown[own, i], CLASSES + 1)
     up_to = np.cumsum(comm.allreduce(sums, MPI.SUM), axis=0)
     first_bad = np.count_nonzero(up_to <= np.maximum(allowed, 0.0), axis=0)
-    # Levels are classes from the first bad one on; the worst integrand of a piece counts.
+    # Levels are classes from the first bad one on. The worst integrand counts.
     level = np.maximum((classes - first_bad + 1).max(axis=1, initial=0), 0)
     of_level = comm.allreduce(np.bincount(level[own], minlength=CLASSES + 2), MPI.SUM)
     from_level = np.append(np.cumsum(of_level[::-1])[::-1], 0)
