@@ -1,11 +1,12 @@
 """Attack intervals of stress intensity factors with random cracks.
 
 A crack of random length and direction is at a side of a plate or inside it, straight or
-with a bend. The plate is pulled, sheared and turned, and its crack is open, under
-pressure, or closed without friction; the strain or the stress is plane, or the plate is
-the section of a ring of radius 1.2 to 100, Poisson's ratio from 0 to 0.49. Each factor
-is asked on a coarse and on a fine mesh, with two radii and both degrees: all proved
-intervals have to share a number.
+with up to three bends. The plate is pulled, sheared and turned, and its crack is open,
+under pressure, or closed without friction; the strain or the stress is plane, or the
+plate is the section of a ring of radius 1.2 to 100, Poisson's ratio from 0 to 0.49.
+Each factor is asked on a coarse and on a fine mesh, with both degrees and two radii,
+and in plates with a third one, beyond the bends: all proved intervals have to share a
+number.
 
 - width: half of the interval over the largest factor of the scene, on the coarse mesh;
 - error: the middle of the interval less the middle on the fine mesh, over its half;
@@ -30,7 +31,11 @@ from namedmesh.gmsh_session import session
 import numpy as np  # isort: skip - after erc_contact, which loads MPI first
 
 RADII = (0.9, 0.5)
-"""Radii around the tip over what there is room for [-]."""
+"""Radii around the tip over what there is room for before a bend [-]."""
+BEYOND_BENDS = 0.9
+"""Likewise, over what there is room for with the bends [-]."""
+LEAST_PIECE = 0.08
+"""Least length of the pieces of a crack [length]."""
 SIZES = (0.2, 0.08)
 """Sizes of elements of both meshes, over the plate and, at a crack, over it [-]."""
 
@@ -40,13 +45,13 @@ class Crack:
     """Hold a random crack in the square from -1 to 1.
 
     Attributes:
-        places: Where it begins, bends and ends, shape (2 or 3, 2).
-        room: Radius around the tip within which there is nothing else.
+        places: Where it begins, bends and ends, shape (2 to 5, 2).
+        radii: Radii around the tip.
         middle: Radius of the middle of the square, 0 of plates.
     """
 
     places: np.ndarray
-    room: float
+    radii: list[float]
     middle: float = 0.0
 
     @property
@@ -68,13 +73,30 @@ def random_crack(rng: np.random.Generator) -> Crack:
     root = np.array([rng.uniform(-0.5, -0.1) if is_inside else -1.0, rng.uniform(-0.3, 0.3)])
     tip = root + length * np.array([np.cos(angle), np.sin(angle)])
     places = np.array([root, tip])
-    if rng.random() < 0.4:
-        aside = np.array([-np.sin(angle), np.cos(angle)])
-        bend = root + rng.uniform(0.3, 0.7) * (tip - root) + rng.uniform(-0.1, 0.1) * aside
-        places = np.array([root, bend, tip])
-    straight = np.linalg.norm(places[-1] - places[-2])
+    if rng.random() < 0.6:
+        places = bent(rng, root, tip)
+    straight, whole = np.linalg.norm(tip - places[[-2, 0]], axis=1)
+    to_side = (1 - abs(tip)).min()
+    radii = [float(share * min(straight, to_side)) for share in RADII]
     middle = float(np.exp(rng.uniform(0.2, 4.6))) if rng.random() < 0.5 else 0.0
-    return Crack(places, float(min(straight, *(1 - abs(tip)))), middle)
+    if not middle:
+        radii.append(float(BEYOND_BENDS * min(whole, to_side)))
+    return Crack(places, radii, middle)
+
+
+def bent(rng: np.random.Generator, root: np.ndarray, tip: np.ndarray) -> np.ndarray:
+    """Return the places of a crack with bends that goes on away from its tip."""
+    way = tip - root
+    aside = np.array([-way[1], way[0]])
+    while True:
+        shares = np.sort(rng.uniform(0.1, 0.9, rng.integers(1, 4)))[:, None]
+        bends = root + shares * way + rng.uniform(-0.15, 0.15, shares.shape) * aside
+        places = np.array([root, *bends, tip])
+        pieces = np.diff(places, axis=0)
+        to_tip = tip - places[1:]
+        nears_tip = (pieces * to_tip).sum(axis=1)[:-1] > 0
+        if nears_tip.all() and np.linalg.norm(pieces, axis=1).min() > LEAST_PIECE:
+            return places
 
 
 def plate(crack: Crack, size: float) -> ec.Domain:
@@ -83,8 +105,8 @@ def plate(crack: Crack, size: float) -> ec.Domain:
     def build(gmsh: Any) -> None:
         occ = gmsh.model.occ
         square = occ.addRectangle(crack.middle - 1, -1, 0, 2, 2)
-        before, beyond = crack.places[1] - crack.places[0], crack.way
-        first, last = crack.places[0] - 20 * before, crack.places[-1] + 20 * beyond
+        beyond = 20 * (crack.places[-1] - crack.places[0])
+        first, last = crack.places[0] - beyond, crack.places[-1] + beyond
         line = np.vstack([first, crack.places, last])
         line[:, 0] += crack.middle
         points = [occ.addPoint(*place, 0) for place in line]
@@ -147,8 +169,7 @@ def main(seed: int = 0, count: int = 20) -> None:
             for degree in (1, 2):
                 solution = ec.solve(scene, domain, degree=degree)
                 error = ec.constitutive_error(ec.equilibrate(solution))
-                for mode, share in product(found, RADII):
-                    radius = share * crack.room
+                for mode, radius in product(found, crack.radii):
                     goal = ec.StressIntensity(tip, way, radius, mode)
                     found[mode].append(ec.interval(error, goal))
         largest = max(abs(bounds[-1].value) for bounds in found.values())

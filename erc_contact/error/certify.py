@@ -44,8 +44,7 @@ from erc_contact.error.numbers import ROUND_OFF
 from erc_contact.error.shifts import with_shifts_of
 from erc_contact.error.strategy import largest, refined
 from erc_contact.error.transfer import gain_in_file, transfer_squares
-from erc_contact.model.contact.contact_values import gap_at_nodes
-from erc_contact.model.contact.trace import split
+from erc_contact.model.contact.contact_values import distance_at_nodes
 from erc_contact.model.files import interpolated
 from erc_contact.model.given_forces import stressed_sides
 from erc_contact.model.law.constitution import act
@@ -395,8 +394,7 @@ def _greatest_penetration(model: Model, u: fem.Function) -> float:
     for contact in model.contacts:
         if contact.stiffness is not None:
             continue  # a compliant foundation may be entered
-        w_n = split(contact.trace.of(u.x.array), contact.trace.normals).normal
-        beyond = w_n - gap_at_nodes(model.space, contact)
+        beyond = -distance_at_nodes(model.space, contact, u.x.array)
         penetration = max(penetration, float(beyond.max(initial=0.0)))
     return float(model.space.comm.allreduce(penetration, MPI.MAX))
 

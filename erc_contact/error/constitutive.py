@@ -56,7 +56,7 @@ from erc_contact.error.oscillation import (
     of_loads,
     of_supports,
 )
-from erc_contact.error.rigid import RIGID_NOISE, is_free, round_off, strain_round_off
+from erc_contact.error.strain_round_off import round_off, strain_round_off
 from erc_contact.error.tiny_edges import tell_tiny_edges
 from erc_contact.model.contact.friction import depends_on_pressure
 from erc_contact.model.contact_area import ContactArea
@@ -78,6 +78,12 @@ from namedmesh import Domain
 from namedmesh.base.html import table
 from namedmesh.base.percent import percent
 from namedmesh.simplex import barycentric, lattice
+
+NOISE = 100.0
+"""Multiple of the accuracy of energy norms below which they count as zero.
+
+It is used where given strains are all that acts: what is left of a free expansion.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -380,9 +386,9 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
     oscillations_2 = total[4:]
     floor_2, lost = round_off(admissible)
     _raise_if_no_number(lost, np.array([bulk_2, scale_2, contact_2, *oscillations_2]))
-    # What is left of a motion without stress is round-off: no part of a scale.
-    is_noise = scale_2 <= RIGID_NOISE**2 * floor_2
-    if admissible.solution.at_rest or (is_noise and is_free(admissible, floor_2)):
+    # What is left of a motion or a free expansion without stress is no part of a scale.
+    is_noise = scale_2 <= NOISE**2 * floor_2
+    if admissible.solution.at_rest or (is_noise and _expands_freely(model)):
         cells_2[:] = 0.0
         geometry_cells_2[:] = 0.0
         scale_2 = geometry_2 = 0.0
@@ -402,6 +408,11 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
         total_indicators=np.sqrt(cells_2 + geometry_cells_2) / (scale or 1.0),
         seconds=seconds,
     )
+
+
+def _expands_freely(model: Model) -> bool:
+    """Tell whether given strains are all that acts on a body beside its supports."""
+    return model.strains is not None and model.body_force is None and not model.surface_loads
 
 
 def _raise_if_no_number(lost: bool, squares: np.ndarray) -> None:

@@ -372,7 +372,7 @@ def _at_rest(u: fem.Function, model: Model, method: Method, elastic: ElasticSolv
     multipliers: tuple[fem.Function, ...] = ()
     if method.multiplier:
         multipliers = tuple(model.space.function() for _ in model.contacts)
-    reason = "at rest: nothing loads or moves the body"
+    reason = "at rest: nothing loads or strains the body"
     return Solution(model, method, u, multipliers, reason, elastic)
 
 

@@ -14,7 +14,7 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.logs import log_of
-from erc_contact.model.contact.contact_values import gap_at_nodes
+from erc_contact.model.contact.contact_values import distance_at_nodes
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.trace import Trace
 from erc_contact.model.model import Model
@@ -85,9 +85,14 @@ class LimitOfTheory:
 
 def doubts(solution: Solution) -> Doubts:
     """Find what is doubtful in a solution; collective."""
-    if solution.at_rest:
+    if _stays(solution):
         return {}
     return _told(beyond_theory(solution)) | _other_doubts(solution)
+
+
+def _stays(solution: Solution) -> bool:
+    """Tell whether the body is at rest where it was; collective."""
+    return solution.at_rest and greatest(solution.domain.comm, solution.u.x.array) == 0.0
 
 
 def _told(limits: dict[str, LimitOfTheory]) -> Doubts:
@@ -113,7 +118,7 @@ def _other_doubts(solution: Solution) -> Doubts:
 
 def beyond_theory(solution: Solution) -> dict[str, LimitOfTheory]:
     """Find where displacements are not small, by the kind of the doubt; collective."""
-    if solution.at_rest:
+    if _stays(solution):
         return {}
     return _of_size(solution) | _of_distortion(solution) | _of_statics(solution)
 
@@ -162,7 +167,7 @@ class DoubtsOfRun:
 
     def see(self, solution: Solution) -> None:
         """Tell what is new in a solution, but for what is told at the end."""
-        if solution.at_rest:
+        if _stays(solution):
             return
         self._last = solution
         limits = _of_size(solution) | _of_distortion(solution)
@@ -326,9 +331,7 @@ def _of_contact(model: Model, contact: ContactOnMesh, solution: Solution, moved:
             f"mostly below 1, and above {FRICTION:g} it is rather meant in percent (30% is "
             "0.3) or in degrees (30 are 0.577)."
         )
-    w = contact.trace.of(solution.u.x.array)
-    approach = (w * contact.trace.normals).sum(axis=-1)
-    distances = gap_at_nodes(model.space, contact) - approach
+    distances = distance_at_nodes(model.space, contact, solution.u.x.array)
     distance, _ = model.space.extremes(distances)
     apart = not contact.bilateral and distance > APART * moved
     if apart and not _presses(contact, solution, moved + distances.max(axis=1, initial=0.0)):

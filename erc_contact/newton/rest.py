@@ -1,4 +1,4 @@
-"""Bodies at rest: nothing loads or moves them.
+"""Bodies at rest: nothing loads or strains them.
 
 A motion without strain and without contact forces is then exact. Newton's method finds
 round-off there, and what is measured of it later is round-off over round-off.
@@ -14,6 +14,7 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
+from erc_contact.model.contact.contact_values import distance_at_nodes
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.friction import PROPORTIONAL
 from erc_contact.model.contact.trace import split
@@ -21,6 +22,7 @@ from erc_contact.model.data.values import DATA_DEGREE
 from erc_contact.model.model import Model
 from erc_contact.model.motions.rigid_motions import nearest_motion, rigid_motions
 from erc_contact.model.space import Space
+from namedmesh.base.ranks import greatest
 from namedmesh.for_solvers import spread
 from namedmesh.simplex import lattice
 
@@ -52,7 +54,7 @@ def displacement_at_rest(model: Model, loads: fem.Function) -> fem.Function | No
         The same vector at all nodes, as a new Function; None if the body is not known
         to be at rest.
     """
-    if _is_loaded(model, loads) or _is_moved(model):
+    if _is_loaded(model, loads, model.greatest_before.displacement) or _is_moved(model):
         return None
     slides = any(contact.trace.slip_before.any() for contact in model.contacts)
     displacement = model.space.function()
@@ -68,8 +70,10 @@ def displacement_back_at_rest(
 ) -> fem.Function | None:
     """Return the displacement of a body that is back at rest [length]; collective.
 
-    It is the rigid motion nearest to a solution that differs from it by round-off of
-    the history. Nothing loads the body, and no friction without pressure acts on it.
+    It is the rigid motion nearest to a solution that differs from it by round-off: of
+    the history, or in a first step of the motion, by which supports and foundations
+    move a body together. Nothing loads the body, no foundation is pressed, and no
+    friction without pressure acts on it.
 
     Args:
         model: The scene on a mesh.
@@ -77,14 +81,16 @@ def displacement_back_at_rest(
         u: The solution [length].
 
     Returns:
-        A new Function; None if the body is not at rest, or without history.
+        A new Function; None if the body is not at rest.
     """
     space = model.space
-    greatest = model.greatest_before.displacement
-    if greatest == 0 or _is_loaded(model, loads):
+    before = model.greatest_before.displacement
+    moved = before or greatest(space.comm, u.x.array)
+    if _is_loaded(model, loads, moved):
         return None
-    # Supports that move tell a small strain from a rigid motion to more digits.
-    round_off = (HISTORY_ROUND_OFF if _is_moved(model) else SOLVED) * greatest
+    # Supports that move tell a small strain from a motion before to more digits.
+    share = HISTORY_ROUND_OFF if before > 0 and _is_moved(model) else SOLVED
+    round_off = share * moved
     motions = rigid_motions(space).reshape(len(u.x.array), -1)
     displacement = space.function()
     displacement.x.array[:] = motions @ nearest_motion(space, motions, u.x.array)
@@ -95,9 +101,13 @@ def displacement_back_at_rest(
         _, stretched = spring.resist(displacement.x.array.reshape(-1, space.d, 1))
         off = max(off, float(abs(stretched).max(initial=0.0)))
     for contact in model.contacts:
+        # A compliant foundation resists what closes more than its gap.
+        closed = -distance_at_nodes(space, contact, displacement.x.array)
+        pressed = abs(closed) if contact.bilateral else closed
+        off = max(off, float(pressed.max(initial=0.0)))
         if contact.friction is not None and contact.friction.dependence != PROPORTIONAL:
-            moved = contact.trace.since(displacement.x.array)
-            slip = split(moved, contact.trace.normals).tangential
+            since = contact.trace.since(displacement.x.array)
+            slip = split(since, contact.trace.normals).tangential
             off = max(off, float(abs(slip).max(initial=0.0)))
     return displacement if space.comm.allreduce(off, MPI.MAX) <= round_off else None
 
@@ -112,18 +122,22 @@ def load_size(space: Space, loads: fem.Function) -> float:
     return space.comm.allreduce(float(abs(loads.x.array).sum()), MPI.SUM)
 
 
-def _is_loaded(model: Model, loads: fem.Function) -> bool:
-    """Tell whether loads are more than round-off of the history; collective.
+def _is_loaded(model: Model, loads: fem.Function, moved: float) -> bool:
+    """Tell whether loads are more than round-off; collective.
 
-    Supports may have moved the body without loads. The forces that this took tell what
-    round-off is, too: a law that is linearised about the last step leaves it.
+    It is round-off of the loads of the history, and of the forces that a strain of the
+    size of a motion takes: a law that is linearised about the last step leaves it.
+
+    Args:
+        model: The scene on a mesh.
+        loads: Nodal forces of its loads [force], not yet summed over ranks.
+        moved: The greatest displacement so far [length].
     """
-    before = model.greatest_before
-    greatest = before.load
-    if before.displacement > 0:
-        of_supports = model.stiffest() * model.domain.extent ** (model.space.d - 2)
-        greatest = max(greatest, of_supports * before.displacement)
-    return load_size(model.space, loads) > HISTORY_ROUND_OFF * greatest
+    greatest_force = model.greatest_before.load
+    if moved > 0:
+        of_motion = model.stiffest() * model.domain.extent ** (model.space.d - 2) * moved
+        greatest_force = max(greatest_force, of_motion)
+    return load_size(model.space, loads) > HISTORY_ROUND_OFF * greatest_force
 
 
 def _is_moved(model: Model) -> bool:

@@ -172,7 +172,7 @@ class Solution:
 
     @cached_property
     def at_rest(self) -> bool:
-        """Tell whether nothing loads or moves the body; collective.
+        """Tell whether nothing loads or strains the body; collective.
 
         Then u is the displacement of a body at rest, up to round-off.
         """

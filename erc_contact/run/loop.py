@@ -44,7 +44,7 @@ degree k leaves no less.
 """
 OUT_OF_MEMORY = 55
 """PETSc's code of memory that could not be had, PETSC_ERR_MEM."""
-AT_REST = "The body is at rest: nothing loads or moves it, so that it has no stress and no error."
+AT_REST = "The body is at rest: nothing loads or strains it, so that it has no stress and no error."
 """Outcome of a run whose body is at rest."""
 NO_STRESS = (
     "The body has no stress but round-off: it moves as a rigid body or expands freely. Its "

@@ -1,7 +1,8 @@
 """Hardening by curves.
 
 - psi, psi* and the flow of a load step against a maximisation of their own, for random
-  strains, states and curves; Fenchel's inequality, as an equality on the law.
+  strains, states and curves; Fenchel's inequality, as an equality on the law, also where
+  the stress out of plane is searched.
 - A bar that is pulled, pressed and pulled: its closed form, at each point of the curve.
 - A soft region with a curve beside an elastic one, and beside linear hardening.
 - Functions: how far their polygons are from them.
@@ -107,6 +108,26 @@ def test_energies_of_a_load_step_are_the_largest(curve):
     work = (stress * eps).sum(axis=-1)[0]
     assert psi + psi_star == pytest.approx(work, rel=1e-9, abs=1e-12 * abs(psi).max())
     assert (psi + of_other >= (other * eps).sum(axis=-1)[0]).all()
+
+
+@pytest.mark.serial
+def test_the_stress_out_of_plane_is_found_across_kinks_of_the_curve():
+    """Newton's method alone goes to and fro between nearly flat and steep pieces."""
+    strains = [0.0, 0.004, 0.005, 0.023, 0.027, 0.05]
+    curve = ec.HardeningCurve(strains, [1.0, 1.006, 1.006, 1.41, 1.42, 1.97])
+    law = ec.Plastic(E=100.0, nu=0.07, hardening=curve)
+    scene = ec.Scene(law, ec.Displacement("bottom", (0.0, 0.0)))
+    at_points = Model(scene, ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(1, 1)), 1).linearised.law
+    rng = np.random.default_rng(3)
+    eps = 10 ** rng.uniform(-2.5, -1.0, (1, 2000, 1)) * rng.normal(size=(1, 2000, 3))
+    places = np.zeros((1, 2000, 2)), np.array([0])
+    whole_stress = at_points.whole_stress(eps, *places)
+    in_plane, out = whole_stress[..., :3], whole_stress[..., 3]
+    near = out + 0.5 * rng.normal(size=out.shape)
+    psi_star, found = at_points.complementary(in_plane, Search(near), *places)
+    gap = at_points.energy(eps, *places) + psi_star - (in_plane * eps).sum(axis=-1)
+    assert abs(gap).max() <= 1e-12 * psi_star.max()
+    assert found == pytest.approx(out, abs=1e-6)
 
 
 PULLS = {1.0: 1.2, 2.0: 1.6, 3.0: -1.9, 4.0: 2.4}

@@ -1,10 +1,11 @@
-"""Bodies that nothing loads or moves: rest is exact, certified, and told once.
+"""Bodies that nothing loads or strains: rest is exact, certified, and told once.
 
 - u, r^ and e are zero to the last bit, in the plane and in 3D, with both methods and
   solvers, with and without gap, held by a support or by contact alone.
 - A run has one mesh. A history starts from rest, and comes back to it when the body is
   released: up to round-off of the history, in all units, and where a checkpoint restores it.
-- A gap below zero, a load or a support that moves is no rest, nor is a wedge that jams.
+- Bodies that foundations or supports carry along as rigid bodies are at rest, too.
+- A gap below zero, a load or a support that strains is no rest, nor is a wedge that jams.
 """
 
 from pathlib import Path
@@ -58,6 +59,45 @@ def test_rest_is_exact_and_told_once(d, gap, method, solver, caplog):
         assert not error.force("bottom").force.any()
         assert not error.profile("bottom")["pressure"].any()
     assert not caplog.records  # no warning
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.3, ec.Tresca(0.01)], ids=["none", "Coulomb", "Tresca"])
+def test_bodies_that_a_foundation_carries_are_at_rest(friction):
+    """Two plates and the block between them turn together: all that is left is round-off."""
+    turn = 1e-3
+    motion = (lambda x: -turn * x[1], lambda x: turn * x[0])
+    plates = [ec.Contact(part, friction=friction, motion=motion) for part in ("bottom", "top")]
+    solution = ec.solve(ec.Scene(ec.Elastic(1.0, 0.3), [], [], plates), body(2))
+    assert solution.at_rest
+    x, u = solution.u.function_space.tabulate_dof_coordinates(), solution.u.x.array.reshape(-1, 2)
+    slopes = np.linalg.lstsq(np.column_stack([np.ones(len(u)), x[:, :2]]), u)[0][1:]
+    assert abs(slopes + slopes.T).max() < 1e-12 * turn
+    error = ec.constitutive_error(ec.equilibrate(solution))
+    assert error.relative == 0.0
+    assert error.absolute < 1e-6 * turn  # the root of round-off
+
+
+@pytest.mark.parametrize("stiffness", [1e-8, 1e-11], ids=["soft", "softer"])
+def test_a_stiff_body_on_a_soft_foundation_is_no_rest(stiffness):
+    """It moves as a rigid body to all digits, and presses the foundation all the same."""
+    sunk = 1e-3
+    scene = ec.Scene(
+        ec.Elastic(1.0, 0.3),
+        [ec.Displacement("top", (0.0, -sunk))],
+        contacts=[ec.Contact("bottom", foundation=ec.Foundation(stiffness))],
+    )
+    solution = ec.solve(scene, body(2))
+    assert not solution.at_rest
+    force = ec.constitutive_error(ec.equilibrate(solution)).force("bottom").force
+    assert force[1] == pytest.approx(stiffness * sunk, rel=1e-3)
+
+
+def test_a_support_that_carries_a_body_away_is_told(caplog):
+    lifted = ec.Displacement("top", (0.0, 0.3))
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), lifted, [], ec.Contact("bottom"))
+    assert ec.solve(scene, body(2)).at_rest
+    if body(2).comm.rank == 0:
+        assert "Nothing touches the contact 'bottom'" in caplog.text
 
 
 @pytest.mark.on_ranks("1")
@@ -141,12 +181,12 @@ def test_released_curved_body_makes_no_meshes():
 @pytest.mark.parametrize("d", [2, 3])
 def test_what_is_no_rest(d):
     zero = (0.0,) * (d - 1)
-    held, lifted = ec.Displacement("top", (0.0, *zero)), ec.Displacement("top", (*zero, 1e-9))
+    held, pressed = ec.Displacement("top", (0.0, *zero)), ec.Displacement("top", (*zero, -1e-9))
     foot = ec.Contact("bottom", friction=0.3)
     scenes = [
         unloaded(d, load=1e-12, supported=True),
         unloaded(d, -1e-3, supported=True),
-        ec.Scene(ec.Elastic(1.0, 0.3), [lifted], [], [foot]),
+        ec.Scene(ec.Elastic(1.0, 0.3), [pressed], [], [foot]),
         ec.Scene(
             ec.Elastic(1.0, 0.3), [held], [], [ec.Contact("bottom", gap=1e-3, bilateral=True)]
         ),

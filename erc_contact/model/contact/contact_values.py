@@ -41,6 +41,21 @@ def gap_at_nodes(space: Space, contact: ContactOnMesh) -> np.ndarray:
     return space.evaluate(contact.gap, space.facet_points, contact.facets)
 
 
+def distance_at_nodes(space: Space, contact: ContactOnMesh, u: np.ndarray) -> np.ndarray:
+    """Return the gap less what a displacement closes of it at the nodes [length].
+
+    Args:
+        space: The mesh.
+        contact: The contact.
+        u: Displacement at all nodes of this rank [length], as :meth:`.Trace.of` has it.
+
+    Returns:
+        Shape (f, m); below zero the displacement closes more than the gap.
+    """
+    closed = (contact.trace.of(u) * contact.trace.normals).sum(axis=-1)
+    return np.asarray(gap_at_nodes(space, contact) - closed)
+
+
 def spring_displacement(
     space: Space, contact: ContactOnMesh, r: np.ndarray, points: np.ndarray
 ) -> np.ndarray:

@@ -31,8 +31,8 @@ from erc_contact.scene.material import HOOP_ROWS, in_tensor, mandel_basis
 from erc_contact.scene.potential import Potential, gives_conjugate, remembers, tells_convexity
 from namedmesh.base.communicators import lasting
 
-STEPS_OUT_OF_PLANE = 8
-"""Limit of Newton steps for the stress out of plane.
+STEPS_OUT_OF_PLANE = 40
+"""Limit of the steps to the stress out of plane.
 
 psi* at any stress out of plane bounds its minimum from above.
 """
@@ -436,6 +436,7 @@ class PointLaw:
         values = self._evaluate(self._code.conjugate, numbers)
         best, best_out = values[:, 0].copy(), numbers[:, zz].copy()
         left = np.arange(len(numbers))
+        low, high = np.full(len(numbers), -np.inf), np.full(len(numbers), np.inf)
         for _ in range(STEPS_OUT_OF_PLANE):
             energy, slope, curvature = values.T
             step = np.divide(slope, curvature, out=np.zeros_like(slope), where=curvature > 0)
@@ -443,8 +444,16 @@ class PointLaw:
             goes_on = gain > _allowance(energy, beside[left])
             if not goes_on.any():
                 break
-            left = left[goes_on]
-            numbers[left, zz] -= step[goes_on]
+            left, slope, step = left[goes_on], slope[goes_on], step[goes_on]
+            # psi* is convex: the sign of its slope tells on which side its minimum is.
+            # Across kinks of the hardening, steps of Newton's method may go to and fro.
+            at = numbers[left, zz]
+            low[left] = np.where(slope < 0, at, low[left])
+            high[left] = np.where(slope > 0, at, high[left])
+            tried = at - step
+            is_beyond = (tried <= low[left]) | (tried >= high[left])
+            tried[is_beyond] = (low[left] + high[left])[is_beyond] / 2
+            numbers[left, zz] = tried
             values = self._evaluate(self._code.conjugate, numbers[left])
             less = values[:, 0] < best[left]
             best[left[less]] = values[less, 0]

@@ -5,6 +5,16 @@
 /* Points that are worked on at once: more of them, and the cache does not suffice. */
 enum { POINTS = 3 };
 
+/* The element of a cell, compiled once for each degree: it is called once for a cell. */
+static __attribute__((noinline)) void set_element_of(int k, const double *corners, const _Bool *on_axis,
+                                                     const double *at_middles, element *it)
+{
+  if (k == 1)
+    set_element(1, corners, on_axis, at_middles, it);
+  else
+    set_element(2, corners, on_axis, at_middles, it);
+}
+
 /* Rows of the four components at a point of a piece, balanced, and what is given there in the place of the body force. */
 INLINE void rows_at(const int k, const element *it, const double *table, int piece, const double *hoop, double radius,
                     const double *force, const double *elastic, double (*row)[WIDTH])
@@ -89,7 +99,7 @@ INLINE void energies(const int k, long long cells, long long owned, const double
     element it = {0};
     double radius[POINTS];
     const int is_owned = n < owned;
-    set_element(k, corners + 6 * n, on_axis + 3 * n, at_middles, &it);
+    set_element_of(k, corners + 6 * n, on_axis + 3 * n, at_middles, &it);
     for (int i = 0; i < size; ++i)
       memset(energy[i], 0, in_blocks(size) * sizeof(double));
     for (int from = 0; from < P; from += POINTS) {
@@ -143,7 +153,7 @@ INLINE void stresses(const int k, long long owned, const double *corners, const 
   for (long long n = 0; n < owned; ++n) {
     element it = {0};
     double input[WIDTH] = {0}, reference[2][WIDTH];
-    set_element(k, corners + 6 * n, on_axis + 3 * n, at_middles, &it);
+    set_element_of(k, corners + 6 * n, on_axis + 3 * n, at_middles, &it);
     memcpy(input + first, x + n * forces, forces * sizeof(double));
     /* The amounts of least energy, the last one first: the given part counts once. */
     input[given] = 1.0;
