@@ -91,16 +91,10 @@ def cell_forces(model: Model, cells: CellGeometry) -> np.ndarray | None:
     # All ranks have DOLFINx's order of the vertices, and so the same integration points
     # and forces of a cell. Only then the vertices are sorted.
     corners = space.cell_corners()
-    total = integrate(
-        space.comm,
-        moments,
-        corners,
-        cells.volume,
-        cell_pieces(d),
-        components=d,
-        owned=of_cells < model.domain.owned_cells,
-        most=space.law_points,
-    )
+    body = corners, cells.volume, cell_pieces(d)
+    owned = of_cells < model.domain.owned_cells
+    most = space.law_points
+    total = integrate(space.comm, moments, *body, components=d, owned=owned, most=most)
     means = total.value.reshape(len(of_cells), len(nodes(d, k - 1)), d)
     forces = from_means(d, k - 1, space.section.carried(means))
     if k == 1:

@@ -6,6 +6,7 @@ Callables are checked on the mesh.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import is_dataclass
 from math import isfinite
 from numbers import Real
 from typing import Any
@@ -70,7 +71,9 @@ def has_callable(value: Any) -> bool:
         return any(map(has_callable, value.values()))
     if isinstance(value, tuple | list):
         return any(map(has_callable, value))
-    return any(map(has_callable, getattr(value, "__dict__", {}).values()))
+    if is_dataclass(value) or hasattr(value, "parameters"):
+        return any(map(has_callable, vars(value).values()))
+    return False
 
 
 def check_vector(what: str, value: Any, *, free: bool = False) -> None:

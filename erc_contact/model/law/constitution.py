@@ -86,9 +86,11 @@ class Constitution:
 
     def stress(self, strain: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Return the stress ``C (eps - eps_0)`` of a strain [force/area]."""
-        if self._given is not None:
-            strain = strain - self._given(x, cells)
-        return self.stress_change(strain, x, cells)
+        return self.stress_change(self._elastic(strain, x, cells), x, cells)
+
+    def _elastic(self, strain: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Return the elastic strain ``eps - eps_0``."""
+        return strain if self._given is None else strain - self._given(x, cells)
 
     def stress_change(self, strain: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Return the stress ``C eps`` of a change of the strain [force/area]."""
@@ -103,8 +105,7 @@ class Constitution:
             ``|sigma - C (eps - eps_0)|^2`` and ``|sigma + C (eps - eps_0)|^2`` in the
             metric [force/area], shape (n, q, 2).
         """
-        if self._given is not None:
-            strain = strain - self._given(x, cells)
+        strain = self._elastic(strain, x, cells)
         misfit = stress - self.stress_change(strain, x, cells)
         square = np.einsum("...i,...i->...", self.metric.times(misfit, x, cells), misfit)
         # The square of the sum is more by four times the work.
