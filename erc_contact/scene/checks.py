@@ -72,7 +72,7 @@ def has_callable(value: Any) -> bool:
     if isinstance(value, tuple | list):
         return any(map(has_callable, value))
     if is_dataclass(value) or hasattr(value, "parameters"):
-        return any(map(has_callable, vars(value).values()))
+        return any(map(has_callable, getattr(value, "__dict__", {}).values()))
     return False
 
 
