@@ -164,9 +164,9 @@ def integrate(
     simplex = first.simplex
     corners = first.corners
     piece_measure = measure[simplex] * first.share
-    counts = np.ones(len(vertices), dtype=bool) if owned is None else owned
+    owned = np.ones(len(vertices), dtype=bool) if owned is None else owned
     most_pieces = most // len(piece_points(size).points)
-    most_pieces -= comm.allreduce(int(counts[simplex].sum()), MPI.SUM)
+    most_pieces -= comm.allreduce(int(owned[simplex].sum()), MPI.SUM)
     value = unknown = allowed = np.zeros((len(vertices), 0))
     for turn in range(BISECTION_ROUNDS + 1):
         piece_value, piece_unknown = _on_pieces(
@@ -174,7 +174,7 @@ def integrate(
         )
         # The order of the functions may depend on the number of ranks, sums do not.
         piece_unknown = _summed(piece_unknown, components)
-        own = counts[simplex]
+        own = owned[simplex]
         if turn == 0:
             # The first evaluation tells the number of integrands, and their size.
             value = np.zeros((len(vertices), piece_value.shape[1]))
@@ -184,7 +184,7 @@ def integrate(
             allowed = np.maximum(share * size_of_integrals, floor)
             if components is not None:
                 allowed = np.maximum(allowed, ROUND_OFF * size_of_integrals.sum())
-        sums = np.stack([unknown[counts].sum(axis=0), piece_unknown[own].sum(axis=0)])
+        sums = np.stack([unknown[owned].sum(axis=0), piece_unknown[own].sum(axis=0)])
         of_done, of_pieces = comm.allreduce(sums, MPI.SUM)
         left = LEFT_IN_A_ROUND * (allowed - of_done)
         bad, bad_count = _worst(comm, piece_unknown, own, left, most_pieces // 2)
@@ -200,7 +200,7 @@ def integrate(
         corners = bisect(corners[bad], vertices[simplex[bad]])
         simplex = np.repeat(simplex[bad], 2)
         piece_measure = np.repeat(piece_measure[bad] / 2, 2)
-    total_unknown = comm.allreduce(unknown[counts].sum(axis=0), MPI.SUM)
+    total_unknown = comm.allreduce(unknown[owned].sum(axis=0), MPI.SUM)
     return Integral(value, unknown, total_unknown <= allowed)
 
 
@@ -236,7 +236,7 @@ def _worst(
     shares = np.divide(unknown, greatest, out=np.zeros_like(unknown), where=greatest > 0.0)
     shares *= INSIDE_CLASS
     _, powers = np.frexp(shares)
-    classes = np.maximum(powers + CLASSES, 0)
+    classes = np.clip(powers + CLASSES, 0, CLASSES)
     classes[unknown == 0.0] = 0
     sums = np.zeros((CLASSES + 1, unknown.shape[1]))
     for i in range(unknown.shape[1]):
