@@ -119,13 +119,22 @@ def bernstein(d: int, k: int, points: np.ndarray) -> np.ndarray:
         >>> bernstein(1, 2, np.array([[0.5]]))  # both ends and the edge, in the middle
         array([[0.25, 0.25, 0.5 ]])
     """
+    return bernstein_at(k, barycentric(points))
+
+
+def bernstein_at(k: int, places: np.ndarray) -> np.ndarray:
+    """Evaluate Bernstein polynomials at places (..., d+1), shape (..., N).
+
+    Args:
+        k: Their degree.
+        places: Barycentric coordinates of points.
+    """
     if k == 0:
-        return np.ones((len(points), 1))
-    a, b = node_vertices(d, k).T
-    lambdas = barycentric(points)
+        return np.ones((*places.shape[:-1], 1))
     if k == 1:
-        return lambdas[:, a]
-    return lambdas[:, a] * lambdas[:, b] * np.where(a == b, 1.0, 2.0)
+        return places
+    a, b = node_vertices(places.shape[-1] - 1, k).T
+    return places[..., a] * places[..., b] * np.where(a == b, 1.0, 2.0)
 
 
 @cache

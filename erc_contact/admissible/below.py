@@ -116,7 +116,7 @@ def excess_over_gap(space: Space, contact: ContactOnMesh, of_w: np.ndarray) -> n
 def _most_pieces(space: Space, contact: ContactOnMesh) -> int:
     """Return the limit of a search on each facet of a contact; collective."""
     facets = space.comm.allreduce(int(contact.trace.here.owned.sum()), MPI.SUM)
-    return pieces_of_each(facets)
+    return pieces_of_each(space.data_points, facets, facet_pieces(space.d - 1))
 
 
 def _round_off(coefficients: np.ndarray, corners: np.ndarray) -> np.ndarray:

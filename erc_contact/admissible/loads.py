@@ -57,8 +57,10 @@ def traction_moments(space: Space, facets: np.ndarray, traction: Ufl) -> np.ndar
         space.facet_corners(facets),
         area,
         facet_pieces(d - 1),
-        of_vector=True,
+        components=d,
         cuts=kinks_on_facets(space, [traction], facets),
+        owned=space.owned(facets),
+        most=space.law_points,
     )
     of_facets = total.value.reshape(len(facets), len(space.facet_points), d)
     return space.section.vanishing_moments(of_facets, space.facet_corners(facets))
@@ -89,8 +91,10 @@ def cell_forces(model: Model, cells: CellGeometry) -> np.ndarray | None:
     # All ranks have DOLFINx's order of the vertices, and so the same integration points
     # and forces of a cell. Only then the vertices are sorted.
     corners = space.cell_corners()
-    pieces = cell_pieces(d)
-    total = integrate(space.comm, moments, corners, cells.volume, pieces, of_vector=True)
+    body = corners, cells.volume, cell_pieces(d)
+    owned = of_cells < model.domain.owned_cells
+    most = space.law_points
+    total = integrate(space.comm, moments, *body, components=d, owned=owned, most=most)
     means = total.value.reshape(len(of_cells), len(nodes(d, k - 1)), d)
     forces = from_means(d, k - 1, space.section.carried(means))
     if k == 1:

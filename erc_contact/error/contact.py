@@ -32,7 +32,7 @@ from erc_contact.model.contact.contact_values import ContactData, friction_param
 from erc_contact.model.contact.foundation import ContactOnMesh, pressures
 from erc_contact.model.contact.friction import CONCAVE
 from erc_contact.model.contact.jumps import kinks_on_facets
-from erc_contact.model.contact.trace import split
+from erc_contact.model.contact.trace import lengths, split
 from erc_contact.model.data.over_ranks import sums_of_cells
 from erc_contact.model.data.quadrature import Integral, facet_pieces, integrate, polynomials
 from erc_contact.model.data.symbolic import varies_in_cells
@@ -241,7 +241,7 @@ def _adapted_squares(
 
         normal = data.normal(facet, x, n)
         beyond = _above(_beyond_gap(contact, at, normal), least_gap)
-        turned = np.linalg.norm(r, axis=-1) * np.linalg.norm(normal - n, axis=-1)
+        turned = lengths(r) * lengths(normal - n)
         turned = _above(turned, least_force)
         friction = contact.friction_set.gauge(split(r, n).tangential, n, facet)
         excess = _above(friction - bound, least_force)
@@ -271,6 +271,7 @@ def _adapted_squares(
         share=np.array(share),
         floor=np.array(Squares(term=floor, of_sum=0.0, of_gap=0.0, of_friction=0.0)),
         cuts=kinks_on_facets(space, contact.data, contact.facets),
+        most=space.law_points,
     )
     return _with_unknown(contact, total)
 
@@ -280,7 +281,7 @@ def _beyond_gap(contact: ContactOnMesh, at: AtPoints, normal: np.ndarray) -> np.
 
     It is zero on a compliant foundation, which may be entered.
     """
-    opening = (at.w * normal).sum(axis=-1) - at.gap
+    opening = np.vecdot(at.w, normal) - at.gap
     if at.stiffness is not None:
         return np.zeros(opening.shape)
     return abs(opening) if contact.bilateral else np.maximum(opening, 0.0)

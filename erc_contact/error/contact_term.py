@@ -14,7 +14,7 @@ import numpy as np
 
 from erc_contact.admissible.cones import clip
 from erc_contact.model.contact.foundation import ContactOnMesh
-from erc_contact.model.contact.trace import ALL, Facets, Trace, split
+from erc_contact.model.contact.trace import ALL, Facets, Trace, lengths, split
 
 
 class SpringLaw(NamedTuple):
@@ -66,7 +66,7 @@ class AtPoints(NamedTuple):
     @property
     def entry(self) -> np.ndarray:
         """Return ``w_n - g``, how far the body enters a foundation [length], (n, q)."""
-        return np.asarray((self.w * self.n).sum(axis=-1) - self.gap)
+        return np.asarray(np.vecdot(self.w, self.n) - self.gap)
 
     @property
     def spring(self) -> SpringLaw | None:
@@ -118,12 +118,11 @@ def contact_density(
         density += law_error(slider)
     elif contact.friction is not None:
         path = contact.friction_set.support(w_t, at.n, at.facet)
-        density += at.bound * path + (r_t * w_t).sum(axis=-1)
+        density += at.bound * path + np.vecdot(r_t, w_t)
     # A difference of two works that are equal up to round-off is no error. Otherwise e
     # would stop at 1e-8 of the norm.
-    size = np.linalg.norm(at.w, axis=-1) + np.linalg.norm(at.s, axis=-1)
-    size = size + abs(at.gap) + cancelling
-    resolution = 16 * np.finfo(float).eps * np.linalg.norm(at.r, axis=-1) * size
+    size = lengths(at.w) + lengths(at.s) + abs(at.gap) + cancelling
+    resolution = 16 * np.finfo(float).eps * lengths(at.r) * size
     return 2 * np.where(abs(density) <= resolution, 0.0, density)
 
 
@@ -163,7 +162,7 @@ def slider_of(
         stiffness: k_t [force/length^3], shape (n, q).
     """
     pull = stiffness[..., None] * slide
-    allowed = clip(pull, np.linalg.norm(pull, axis=-1), bound)
+    allowed = clip(pull, lengths(pull), bound)
     return SpringLaw(pull, allowed, -r_t, stiffness)
 
 
@@ -174,9 +173,10 @@ def law_error(law: SpringLaw) -> np.ndarray:
     :mod:`erc_contact.error.foundations` without cancellation. Both terms are >= 0: P is
     the nearest point of a convex set that t is in.
     """
-    square = 0.5 * ((law.traction - law.allowed) ** 2).sum(axis=-1)
-    beyond = ((law.allowed - law.traction) * (law.pull - law.allowed)).sum(axis=-1)
-    return (square + beyond) / law.stiffness
+    misfit = law.traction - law.allowed
+    square = 0.5 * np.vecdot(misfit, misfit)
+    beyond = np.vecdot(-misfit, law.pull - law.allowed)
+    return np.asarray((square + beyond) / law.stiffness)
 
 
 def law_sum(law: SpringLaw) -> np.ndarray:
@@ -184,7 +184,8 @@ def law_sum(law: SpringLaw) -> np.ndarray:
 
     It is ``|t + P|^2/k``, as ``|sigma^ + C eps(u^)|^2`` of a body.
     """
-    return ((law.traction + law.allowed) ** 2).sum(axis=-1) / law.stiffness
+    both = law.traction + law.allowed
+    return np.asarray(np.vecdot(both, both) / law.stiffness)
 
 
 def bound_cancellation(trace: Trace, u: np.ndarray) -> np.ndarray:

@@ -31,6 +31,8 @@ ROUND_OFF = 1e-15
 """Error of a gap, a difference of energies, over these energies [-]."""
 SAME = 1e-13
 """Difference of the gaps of two laws that is round-off, over the energies [-]."""
+LAW_STEPS = 4
+"""Number of linear contact problems that a solve takes where the law is not linear."""
 CHUNK = 2048
 """Number of cells that are worked on at once."""
 
@@ -92,6 +94,7 @@ def fenchel_error(admissible: Admissible) -> LawError:
         share=UNKNOWN_SHARE,
         floor=floor,
         hidden=hidden_by_data(law, of_cells, of_law),
+        most=LAW_STEPS * space.law_points,
     )
     unknown = 0.0 if total.resolved.all() else float(total.bound.max(axis=1).sum())
     value = np.maximum(near.taken * of_linear + total.value, 0.0)

@@ -130,7 +130,8 @@ def _surface_work(space: Space, part: str, density: Ufl, v: fem.Function) -> Bou
     work = _products(space.everywhere(density), facets, on_facets, k)
     corners = space.facet_corners(facets)
     pieces = facet_pieces(d - 1)
-    integral = integrate(space.comm, work, corners, area, pieces, of_vector=True)
+    most = space.data_points
+    integral = integrate(space.comm, work, corners, area, pieces, components=d, most=most)
     return BoundedNumber.summed(space.comm, integral)
 
 
@@ -145,7 +146,8 @@ def _body_work(space: Space, force: Ufl, v: fem.Function) -> BoundedNumber:
     corners = cells.corners[:owned]
     volume = cells.volume[:owned]
     pieces = cell_pieces(d)
-    integral = integrate(space.comm, work, corners, volume, pieces, of_vector=True)
+    most = space.data_points
+    integral = integrate(space.comm, work, corners, volume, pieces, components=d, most=most)
     return BoundedNumber.summed(space.comm, integral)
 
 

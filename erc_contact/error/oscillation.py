@@ -148,9 +148,9 @@ def _of_body_force(
         projected = projected - relief[:owned, None]
     data = space.everywhere(space.section.carried_density(model.body_force))
     difference = _squares(space, data, space.owned_cells, projected, k - 1)
-    integral = integrate(
-        space.comm, difference, corners, volume, cell_pieces(d), share=OSCILLATION_SHARE
-    )
+    body = corners, volume, cell_pieces(d)
+    most = space.law_points
+    integral = integrate(space.comm, difference, *body, share=OSCILLATION_SHARE, most=most)
     square = integral.value[:, 0]
     modulus = space.at_middles(model.modulus, space.owned_cells)
     return float(np.sum(volume ** (2 / d) / np.pi**2 * square / modulus))
@@ -219,6 +219,7 @@ def _on_facets(
         area,
         facet_pieces(space.d - 1),
         share=OSCILLATION_SHARE,
+        most=space.law_points,
     )
     return integral.value[:, 0]
 

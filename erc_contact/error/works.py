@@ -185,9 +185,10 @@ def _over_cells(
     at_middles = (np.arange(owned), middles, corners.mean(axis=1, keepdims=True))
     sizes = [np.linalg.norm(field(*at_middles), axis=-1)[:, 0] for field in (stress_at, strain_at)]
     size = space.comm.allreduce(float((volume * sizes[0]) @ sizes[1]), MPI.SUM)
-    pieces = cell_pieces(space.d)
+    body = corners, volume, cell_pieces(space.d)
     floor = max(ROUND_OFF * size, floor)
-    integral = integrate(space.comm, density, corners, volume, pieces, floor=floor, hidden=hidden)
+    most = space.law_points
+    integral = integrate(space.comm, density, *body, floor=floor, hidden=hidden, most=most)
     return BoundedNumber.summed(space.comm, integral)
 
 

@@ -53,7 +53,7 @@ from erc_contact.model.springs import bind_springs
 from erc_contact.model.supports import bind_supports, check_neighbours, dirichlet_conditions
 from erc_contact.scene.material import Elastic, is_axisymmetric
 from erc_contact.scene.potential import has_potential
-from erc_contact.scene.scene import Scene
+from erc_contact.scene.scene import Scene, count_varying
 from namedmesh import Domain
 from namedmesh.base.names import known_names
 
@@ -132,7 +132,7 @@ class Model:
         section = Meridian if is_axisymmetric(scene.material) else Section
         tied = domain.tied([tie.sides for tie in scene.ties])
         self.domain = tied.with_periodic(periodic_pairs(scene.contacts, tied))
-        space = Space(self.domain, degree, section)
+        space = Space(self.domain, degree, section, count_varying(scene))
         self.space = space
         self.scene = scene
         self.is_later_step = last is not None

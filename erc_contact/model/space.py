@@ -38,6 +38,15 @@ from namedmesh.simplex import (
     rule,
 )
 
+LAW_POINTS = (0, 0, 10, 60)
+"""Number of points for each unknown at which an integral evaluates a law, by dimension.
+
+All searches of a scene then take the processor about as long as the solve.
+"""
+FURTHER_POINTS = 25_000
+"""Number of points beyond these, for the part of a solve that any mesh takes."""
+DATA_POINTS = 2
+"""Number of points of a gap, or of a load alone, that take as long as one of a law."""
 FACET_SAMPLES = 12
 """Number of parts of a facet's edge between the samples of data that vary along it."""
 
@@ -57,6 +66,7 @@ class Space:
         domain: The mesh with names.
         degree: Degree k of the displacement, 1 or 2.
         section: The kind of section that the mesh is of its bodies.
+        data: Number of data that vary, to share the points of searches.
 
     Attributes:
         section: What the bodies are of which the mesh is a section. Stresses,
@@ -72,12 +82,17 @@ class Space:
         n: Outward normal of the boundary, UFL.
         dx: Measure of the cells.
         ds: Measure of the boundary with the tags of its parts.
+        law_points: At how many points of all ranks an integral of a law may evaluate
+            it, so that searches take no longer than the solve.
+        data_points: The same where data are searched alone.
 
     Raises:
         InputError: If the degree is not 1 or 2, or cells are flat or folded.
     """
 
-    def __init__(self, domain: Bodies, degree: int, section: type[Section] = Section) -> None:
+    def __init__(
+        self, domain: Bodies, degree: int, section: type[Section] = Section, data: int = 1
+    ) -> None:
         if degree not in (1, 2):
             raise InputError(f"degree is {degree!r}; allowed are 1 and 2.")
         self.domain = domain
@@ -97,6 +112,9 @@ class Space:
         self._facet_vertices = self._order_vertices()
         self.ds = ufl.Measure("ds", domain=self.mesh, subdomain_data=domain.facet_tags)
         self.dx = ufl.Measure("dx", domain=self.mesh)
+        unknowns = self.V.dofmap.index_map.size_global * self.d
+        self.law_points = (LAW_POINTS[self.d] * unknowns + FURTHER_POINTS) // max(data, 1)
+        self.data_points = DATA_POINTS * self.law_points
 
     def function(self) -> fem.Function:
         """Make a new Function of V, zero everywhere."""

@@ -5,7 +5,8 @@ Callables are checked on the mesh.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import is_dataclass
 from math import isfinite
 from numbers import Real
 from typing import Any
@@ -60,6 +61,19 @@ def check_value(what: str, value: Any, low: float = -float("inf"), unit: str = "
         raise InputError(
             f"{what} is {value!r}; give a finite number{bound}{unit}, or a callable of x."
         )
+
+
+def has_callable(value: Any) -> bool:
+    """Tell whether a value is a callable of x, or has any in it."""
+    if callable(value):
+        return True
+    if isinstance(value, Mapping):
+        return any(map(has_callable, value.values()))
+    if isinstance(value, tuple | list):
+        return any(map(has_callable, value))
+    if is_dataclass(value) or hasattr(value, "parameters"):
+        return any(map(has_callable, getattr(value, "__dict__", {}).values()))
+    return False
 
 
 def check_vector(what: str, value: Any, *, free: bool = False) -> None:

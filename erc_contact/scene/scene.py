@@ -14,7 +14,7 @@ from itertools import pairwise
 from typing import Any
 
 from erc_contact.base.exceptions import InputError
-from erc_contact.scene.checks import round_off
+from erc_contact.scene.checks import has_callable, round_off
 from erc_contact.scene.contact import Contact
 from erc_contact.scene.load import LOAD_MEMBERS, Drive, Load
 from erc_contact.scene.material import (
@@ -329,6 +329,14 @@ class Scene:
                     f" {type(first).__name__}({first.facets!r}), and of {len(other_value)},"
                     f" {type(second).__name__}({second.facets!r}); give one for each dimension."
                 )
+
+
+def count_varying(scene: Scene) -> int:
+    """Count the entries of a scene, with the material, whose values vary in space."""
+    entries: list[Any] = [scene.material]
+    for name in LISTS:
+        entries += getattr(scene, name)
+    return sum(has_callable(entry) for entry in entries)
 
 
 def _sides(entries: Sequence[Any], kind: str) -> Counter[str]:

@@ -25,7 +25,9 @@ from scenes import measured, mostly_serial, pressed
 from ufl.domain import extract_unique_domain
 
 import erc_contact as ec
+from erc_contact.model.model import Model
 from erc_contact.scene.material import strain
+from erc_contact.scene.scene import count_varying
 from namedmesh.simplex import lagrange
 
 DEGREES = pytest.mark.parametrize("degree", [1, 2])
@@ -335,6 +337,45 @@ def test_rank_independence(degree):
         results.append([error.relative, *parts, b.low, b.high, force.low, force.high])
     assert results[0] == pytest.approx(results[1], rel=1e-5, abs=1e-9)
     assert min(results[0][1:3]) > 0.0
+
+
+# -- points of searches
+# -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("what", ["moduli", "gap"])
+def test_what_searches_leave_unknown_is_in_the_error(what):
+    """A mesh searches rough data at so many points; more of them change e downwards alone."""
+    scene = pressed_along(given(one=1.0, sin=0.5, often=60.0))
+    if what == "gap":
+        scene = sunk(given(one=0.001, sin=0.001, often=300.0))
+    error = measured(scene, square(3))
+    space = error.model.space
+    assert space.law_points == 10 * space.V.dofmap.index_map.size_global * 2 + 25_000
+    pair, few = error.admissible, space.law_points
+    space.law_points *= 50
+    resolved = ec.constitutive_error(pair)
+    space.law_points = few // 50
+    rough = ec.constitutive_error(pair)
+    assert resolved.absolute <= error.absolute * (1 + 1e-12)
+    assert error.absolute <= rough.absolute * (1 + 1e-12)
+    assert rough.absolute > 1.01 * resolved.absolute
+
+
+def test_data_share_the_points_of_a_mesh():
+    """A scene with three data that vary searches each of them at a third of the points."""
+    rough = given(one=1.0, sin=0.5)
+    scene = ec.Scene(
+        ec.Elastic(rough, 0.3),
+        [ec.Displacement("top", (0.0, -0.01))],
+        [ec.BodyForce((0.0, rough)), ec.Traction("right", (1e-3, 0.0))],
+        [ec.Contact("bottom", gap=rough, friction=rough)],
+    )
+    assert count_varying(scene) == 3
+    plain = ec.Scene(ec.Elastic(1.0, 0.3), scene.supports, contacts=ec.Contact("bottom"))
+    assert count_varying(plain) == 0
+    whole = Model(plain, square(2)).space.law_points
+    assert Model(scene, square(2)).space.law_points == whole // 3
 
 
 # -- random scenes

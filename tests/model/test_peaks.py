@@ -62,7 +62,7 @@ def test_cusp_beside_a_jump_is_not_missed(power):
 
 @pytest.mark.parametrize(
     ("power", "pieces", "most"),
-    [(0.5, 1000, 0.3), (1.0, 1000, 1e-2), (2.0, 1000, 1e-3), (1.0, 100, 0.1)],
+    [(0.5, 4000, 0.3), (1.0, 4000, 1e-2), (2.0, 4000, 1e-3), (1.0, 400, 0.1)],
 )
 def test_line_of_peaks_in_triangles(power, pieces, most):
     """Bounds hold with any limit of the pieces, which makes them larger."""

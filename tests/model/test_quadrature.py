@@ -150,6 +150,75 @@ def test_few_pieces_are_bisected_at_a_peak():
     assert abs(found.value.sum() - exact) <= found.bound.sum() <= 1e-6 * exact
 
 
+@pytest.mark.serial
+@pytest.mark.parametrize("d", [2, 3])
+def test_points_end_a_search(d):
+    """A jump takes as many points as it may, and its worst pieces first."""
+    evaluated = []
+
+    def jump(of, at, x):
+        evaluated.append(x.shape[0] * x.shape[1])
+        return 1.0 * (x[..., :1] > 0.213)
+
+    true = (1 - 0.213) ** d / (1, 1, 2, 6)[d]
+    vertices = np.vstack([np.zeros(d), np.eye(d)])[None]
+    unknown = []
+    for most in (0, 10_000, 100_000):
+        evaluated.clear()
+        arguments = jump, vertices, np.array([1 / (1, 1, 2, 6)[d]]), cell_pieces(d)
+        found = integrate(MPI.COMM_SELF, *arguments, most=most)
+        first = evaluated[0]
+        assert sum(evaluated) <= max(most, first)
+        assert sum(evaluated) >= 0.5 * most
+        assert abs(found.value.sum() - true) <= found.bound.sum()
+        unknown.append(found.bound.sum())
+    assert unknown[1] < 0.7 * unknown[0]
+    assert unknown[2] < 0.7 * unknown[1]
+
+
+@pytest.mark.serial
+def test_copies_of_simplices_change_no_piece():
+    """What another rank owns is cut as it is there, and takes no points."""
+    vertices, size = segments(6)
+
+    def f(of, at, x):
+        return np.stack([abs(np.sin(40 * x[..., 0])), np.cos(x[..., 0]), x[..., 0]], axis=-1)
+
+    alone = integrate(MPI.COMM_SELF, f, vertices, size, facet_pieces(1), most=1500)
+    rows = np.array([0, 1, 2, 3, 4, 5, 2, 4])
+    copied = integrate(
+        MPI.COMM_SELF,
+        f,
+        vertices[rows],
+        size[rows],
+        facet_pieces(1),
+        owned=np.arange(8) < 6,
+        most=1500,
+    )
+    assert not alone.resolved.all()
+    assert np.array_equal(copied.value, alone.value[rows])
+    assert np.array_equal(copied.bound, alone.bound[rows])
+
+
+@pytest.mark.serial
+def test_the_order_of_functions_changes_no_piece():
+    """Moments of a vector are in the order of vertices, which ranks number."""
+    vertices, size = segments(3)
+
+    def moments(order):
+        def f(of, at, x):
+            load = np.concatenate([abs(np.sin(40 * x)), 1e-3 * abs(x - 0.4)], axis=-1)
+            return (at[..., order, None] * load[:, :, None]).reshape(*x.shape[:2], 4)
+
+        return integrate(MPI.COMM_SELF, f, vertices, size, facet_pieces(1), components=2, most=1000)
+
+    one, other = moments([0, 1]), moments([1, 0])
+    assert not one.resolved.all()
+    assert other.value.reshape(3, 2, 2)[:, ::-1].ravel() == pytest.approx(one.value.ravel())
+    assert other.bound == pytest.approx(one.bound)
+    assert one.bound.shape == (3, 2)
+
+
 def test_zero_and_noise_end():
     """What is zero is known, and a floor ends the bisection of noise."""
     rng = np.random.default_rng(0)
@@ -178,7 +247,7 @@ def test_a_component_that_is_round_off_beside_others_needs_no_resolution():
         noise = np.random.default_rng(0).normal(size=x.shape[:2])
         return np.stack([1.0 + x[..., 0], 1e-16 * noise], axis=-1)
 
-    as_vector = integrate(COMM, f, vertices, size, facet_pieces(1), of_vector=True)
+    as_vector = integrate(COMM, f, vertices, size, facet_pieces(1), components=2)
     pieces = sum(evaluated)
     evaluated.clear()
     as_two = integrate(COMM, f, vertices, size, facet_pieces(1))

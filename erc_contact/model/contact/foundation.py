@@ -26,7 +26,7 @@ def pressures(r: np.ndarray, n: np.ndarray) -> np.ndarray:
         r: Tractions [force/area], shape (..., d).
         n: Unit normals of the foundations, shape (..., d).
     """
-    return np.maximum(-(r * n).sum(axis=-1), 0.0)
+    return np.maximum(-np.vecdot(r, n), 0.0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,7 @@ import numpy as np
 import ufl
 
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.contact.trace import ALL, Facets, tangents
+from erc_contact.model.contact.trace import ALL, Facets, lengths, tangents
 
 
 class Disc:
@@ -58,11 +58,11 @@ class Disc:
 
     def gauge(self, r_t: np.ndarray, n: np.ndarray, facet: Facets = ALL) -> np.ndarray:
         """Return the friction bound that tangential tractions need, shape (n, q)."""
-        return np.linalg.norm(self.to_disc(r_t, n, facet), axis=-1)
+        return lengths(self.to_disc(r_t, n, facet))
 
     def support(self, w_t: np.ndarray, n: np.ndarray, facet: Facets = ALL) -> np.ndarray:
         """Return the work on slips of the set of bound 1, shape (n, q)."""
-        return np.linalg.norm(self.from_disc(w_t, n, facet), axis=-1)
+        return lengths(self.from_disc(w_t, n, facet))
 
     def opposing(self, w: np.ndarray, n: np.ndarray, facet: Facets = ALL) -> np.ndarray:
         """Return vectors opposite to the friction of slips [length], (n, q, d)."""

@@ -5,7 +5,8 @@ the function is sampled on each of them. It may be greater between the samples o
 piece than at them. Where it is smooth, a share of its range at the samples covers that;
 where it is not, as at a cusp like ``-sqrt|x|``, its distance from the polynomial that
 is nearest to the samples does. A piece whose bound may be the greatest of its simplex
-by more than a tolerance is bisected.
+by more than a tolerance is bisected, until the simplex has as many pieces as a mesh can
+afford. What is left then makes the bound larger.
 
 A peak that changes no value at the samples of the first pieces (72 on a facet in 2D,
 352 in 3D) is missed.
@@ -21,7 +22,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from erc_contact.model.data.quadrature import Cuts, Pieces, bisect, first_pieces, piece_points
+from erc_contact.model.data.quadrature import (
+    CHUNK_PIECES,
+    Cuts,
+    Pieces,
+    bisect,
+    first_pieces,
+    piece_points,
+)
 
 SMOOTH_RISE = 0.1
 """Rise of a smooth function between its samples, as a share of their range [-]."""
@@ -57,20 +65,12 @@ PEAK_ROUNDS = 60
 """Greatest number of bisections of a piece."""
 JUMP_ROUNDS = 40
 """The same at a jump, so that round-off does not move its samples onto each other."""
-MOST_PIECES = 1000
-"""Greatest number of pieces of a simplex that may be bisected in one round.
+MOST_PIECES = 4000
+"""Number of pieces of a simplex that may be bisected, by default.
 
 So a line of cusps in a triangle ends. What is left there makes the bound larger. The
 limit holds for each simplex, so that a bound does not depend on which other simplices a
 rank has.
-"""
-LEAST_PIECES = 100
-"""The same where a mesh has many simplices."""
-PIECES_OF_MESH = 100_000
-"""Number of pieces of all simplices of a mesh that may be bisected in one round.
-
-Lines of kinks across each facet of a contact in 3D took thirty times the solve without
-this limit.
 """
 CHUNK_SIMPLICES = 256
 """Number of simplices that are worked on at once, for the sake of memory."""
@@ -82,18 +82,20 @@ coordinates, shape (n, q, v), and in true coordinates, (n, q, d).
 """
 
 
-def pieces_of_each(simplices: int) -> int:
-    """Return how many pieces of each simplex may be bisected in one round.
+def pieces_of_each(points: int, simplices: int, pieces: np.ndarray) -> int:
+    """Return how many pieces of each simplex may be bisected.
 
     Args:
+        points: Number of points of all simplices.
         simplices: Number of simplices of all ranks.
+        pieces: The first pieces of each simplex, shape (c, v, v).
 
     Example:
-        >>> pieces_of_each(50), pieces_of_each(400), pieces_of_each(5000)
-        (1000, 250, 100)
+        >>> pieces_of_each(9000, 50, facet_pieces(1))  # 8 of 20 are the first pieces
+        6
     """
-    share = PIECES_OF_MESH // max(simplices, 1)
-    return min(max(share, LEAST_PIECES), MOST_PIECES)
+    evaluated = points // (max(simplices, 1) * len(piece_points(pieces.shape[1] - 1).points))
+    return max(evaluated - len(pieces), 0) // 2
 
 
 def upper_bounds(
@@ -116,7 +118,7 @@ def upper_bounds(
         round_off: By how much the bound of each simplex may always be too large, shape
             (simplices,).
         cuts: Kinks of the function that are known, on segments; None without.
-        most: Number of pieces of a simplex that may be bisected in one round, see
+        most: Number of pieces of each simplex that may be bisected, see
             :func:`pieces_of_each`.
 
     Returns:
@@ -151,6 +153,7 @@ def _of_chunk(
     bound = np.full(count, -np.inf)
     inherited = np.zeros(len(simplex))
     inherited_at_jump = np.zeros(len(simplex))
+    left = np.full(count, most)
 
     def values_at(simplex: np.ndarray, places: np.ndarray, x: np.ndarray) -> np.ndarray:
         return f(numbers[simplex], places, x)
@@ -169,9 +172,11 @@ def _of_chunk(
         tolerance = np.maximum(share * (highest - lowest)[simplex], round_off[simplex])
         # A piece that cannot hold the peak, by more than the tolerance, is finished.
         goes_on = peak > highest[simplex] + tolerance
-        too_many = np.bincount(simplex[goes_on], minlength=count) > most
+        bisected = np.bincount(simplex[goes_on], minlength=count)
+        fits = bisected <= left
+        left = np.where(fits, left - bisected, 0)
         rounds = np.where(is_jump, JUMP_ROUNDS, PEAK_ROUNDS)
-        goes_on &= ~too_many[simplex] & (turn < rounds)
+        goes_on &= fits[simplex] & (turn < rounds)
         # The sides of a jump hide nothing where each of them is level. It is bisected
         # all the same, to find what is next to it.
         peak = np.minimum(peak, found.greatest + at_jump)
@@ -213,16 +218,20 @@ def _on_pieces(
 ) -> _Sampled:
     """Sample the function on each piece."""
     points, _, residual = piece_points(vertices.shape[1] - 1)
-    places = np.matmul(points, corners)
-    values = f(simplex, places, np.matmul(places, vertices[simplex]))
-    greatest = values.max(axis=1)
-    least = values.min(axis=1)
+    greatest, least, at_jump, distance = np.empty((4, len(simplex)))
+    for start in range(0, len(simplex), CHUNK_PIECES):
+        chunk = slice(start, start + CHUNK_PIECES)
+        places = np.matmul(points, corners[chunk])
+        values = f(simplex[chunk], places, np.matmul(places, vertices[simplex[chunk]]))
+        high = values.max(axis=1)
+        low = values.min(axis=1)
+        greatest[chunk] = high
+        least[chunk] = low
+        at_jump[chunk] = np.minimum(high[:, None] - values, values - low[:, None]).max(axis=1)
+        distance[chunk] = abs(values @ residual.T).max(axis=1)
     span = greatest - least
-    below = greatest[:, None] - values
-    distance = np.minimum(below, span[:, None] - below)
-    at_jump = distance.max(axis=1)
     jumps = at_jump <= JUMP_SHARE * span
-    roughness = CUSP_RISE * abs(values @ residual.T).max(axis=1)
+    roughness = CUSP_RISE * distance
     # A cusp that happens to look smooth in a piece did not in the piece around it.
     roughness = np.maximum(roughness, inherited)
     at_jump = np.where(jumps, at_jump, np.inf)

@@ -3,9 +3,11 @@
 Each simplex (a cell or a facet) is cut into a few pieces. The integrand is evaluated at
 points inside a piece and near its boundary, and compared with a polynomial of degree 4,
 which squares of stresses of degree 2 are. If it is not near one, the piece is bisected.
-So there are few pieces where the integrand is smooth, and many at a kink or a jump. The
-result tells whether the integrand is resolved. If it is, the distances from the
-polynomials bound the error; otherwise they estimate it.
+So there are few pieces where the integrand is smooth, and many at a kink or a jump. If
+they would be more than a mesh can afford (:class:`erc_contact.model.space.Space`), so
+many are bisected that leave most unknown. The result tells whether the integrand is
+resolved. If it is, the distances from the polynomials bound the error; otherwise they
+estimate it.
 
 Only the values at the points are known, unless the caller bounds what integrands do
 between them (:data:`Hidden`). Before any bisection there are 72 points on a facet in 2D
@@ -28,7 +30,7 @@ import basix
 import numpy as np
 from mpi4py import MPI
 
-from namedmesh.simplex import CELLS, barycentric, bernstein, lattice, rule
+from namedmesh.simplex import CELLS, barycentric, bernstein_at, lattice, rule
 
 UNKNOWN_SHARE = 1e-8
 """Share of an integral that may stay unknown by default [-]."""
@@ -51,20 +53,12 @@ They do not lie on it, as data may jump from cell to cell.
 """
 RULE_DEGREE = 6
 """Degree of the quadrature, whose points are inside a piece."""
-BISECTION_ROUNDS = (0, 40, 20, 15)
-"""Limit of the bisections of a piece, for each d'."""
-PATIENT_ROUNDS = 6
-"""Number of bisections after which they must gain something to go on.
+BISECTION_ROUNDS = 40
+"""Limit of the bisections of a piece."""
+MOST_POINTS = 1_000_000
+"""Number of points of all ranks at which integrands are evaluated, by default.
 
-They then end as soon as the last two left more than LEAST_GAIN of what was unknown.
-This is for jumps in d' > 1 dimensions, which cannot be resolved.
-"""
-LEAST_GAIN = 0.4
-"""See PATIENT_ROUNDS [-]."""
-PIECE_BUDGET = (0, 50_000, 50_000, 8_000)
-"""Number of pieces on all ranks that may be bisected in one round, for each d'.
-
-The number of first pieces is added to it.
+A jump in d' > 1 dimensions takes any number.
 """
 TIE_DIRECTION = np.array([1.0, 1.618, 0.733])
 """A direction along which the middles of edges hardly ever lie at the same place."""
@@ -79,7 +73,10 @@ LEFT_IN_A_ROUND = 0.1
 What they do not leave is for the pieces of later rounds.
 """
 CLASSES = 60
-"""Number of powers of two below what is allowed that are told apart."""
+"""Number of powers of two below the worst piece that are told apart."""
+
+INSIDE_CLASS = 0.7
+"""Place of the worst piece in its class: classes end at powers of two."""
 
 Integrand = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 """A function that returns the values of i integrands at q points of n pieces, shape (n,
@@ -103,9 +100,9 @@ class Integral:
     Attributes:
         value: The integrals, shape (simplices, i).
         bound: Bounds of their errors if the integrand is resolved, else estimates, of
-            the same shape.
+            the same shape; of vectors times functions the sums over the functions.
         resolved: Whether the sum of ``bound`` over all ranks is as small as was asked
-            for, shape (i,).
+            for, for each column of it.
     """
 
     value: np.ndarray
@@ -122,13 +119,16 @@ def integrate(
     *,
     share: float | np.ndarray = UNKNOWN_SHARE,
     floor: float | np.ndarray = 0.0,
-    of_vector: bool = False,
+    components: int | None = None,
     cuts: Cuts | None = None,
     hidden: Hidden | None = None,
+    owned: np.ndarray | None = None,
+    most: int = MOST_POINTS,
 ) -> Integral:
     """Integrate over simplices, with bisections where needed; collective.
 
-    They are needed where the integrand is not near a polynomial.
+    They are needed where the integrand is not near a polynomial, and end where it is,
+    or with the number of points at which it may be evaluated.
 
     Args:
         comm: Communicator.
@@ -142,10 +142,15 @@ def integrate(
         share: Share of each integral that may stay unknown, relative to the sum of the
             absolute values of the integrals over all pieces [-].
         floor: Amount of each integral that may always stay unknown.
-        of_vector: Whether the integrands are components of vectors: what is round-off
-            beside the other components may stay unknown.
+        components: Number of components, if the integrands are vectors times some
+            functions, in this order: then what is unknown is summed over the functions,
+            and what is round-off beside the other components may stay unknown.
         cuts: Kinks of the integrands that are known, on segments; None without.
         hidden: What integrands may do between the points; it is unknown, too.
+        owned: Whether this rank owns each simplex, shape (simplices,); None where it
+            owns all. On all its ranks a simplex is cut into the same pieces.
+        most: Number of points of all ranks at which integrands may be evaluated; the
+            first pieces are evaluated in any case.
 
     Example:
         >>> kink = lambda simplex, places, x: abs(x - 0.3)
@@ -159,89 +164,91 @@ def integrate(
     simplex = first.simplex
     corners = first.corners
     piece_measure = measure[simplex] * first.share
-    first_count = comm.allreduce(len(simplex), MPI.SUM)
+    owned = np.ones(len(vertices), dtype=bool) if owned is None else owned
+    most_pieces = most // len(piece_points(size).points)
+    most_pieces -= comm.allreduce(int(owned[simplex].sum()), MPI.SUM)
     value = unknown = allowed = np.zeros((len(vertices), 0))
-    excess: list[float] = []
-    for turn in range(BISECTION_ROUNDS[size] + 1):
+    for turn in range(BISECTION_ROUNDS + 1):
         piece_value, piece_unknown = _on_pieces(
             f, vertices, simplex, corners, piece_measure, hidden
         )
+        # The order of the functions may depend on the number of ranks, sums do not.
+        piece_unknown = _summed(piece_unknown, components)
+        own = owned[simplex]
         if turn == 0:
             # The first evaluation tells the number of integrands, and their size.
-            integrands = piece_value.shape[1]
-            value = np.zeros((len(vertices), integrands))
-            unknown = np.zeros((len(vertices), integrands))
-            size_of_integrals = comm.allreduce(abs(piece_value).sum(axis=0), MPI.SUM)
+            value = np.zeros((len(vertices), piece_value.shape[1]))
+            unknown = np.zeros((len(vertices), piece_unknown.shape[1]))
+            sizes = _summed(abs(piece_value[own]), components)
+            size_of_integrals = comm.allreduce(sizes.sum(axis=0), MPI.SUM)
             allowed = np.maximum(share * size_of_integrals, floor)
-            if of_vector:
+            if components is not None:
                 allowed = np.maximum(allowed, ROUND_OFF * size_of_integrals.sum())
-        sums = np.stack([unknown.sum(axis=0), piece_unknown.sum(axis=0)])
+        sums = np.stack([unknown[owned].sum(axis=0), piece_unknown[own].sum(axis=0)])
         of_done, of_pieces = comm.allreduce(sums, MPI.SUM)
-        bad = _worst(comm, piece_unknown, LEFT_IN_A_ROUND * (allowed - of_done))
-        bad_count = comm.allreduce(int(bad.sum()), MPI.SUM)
-        excess.append(_greatest_ratio(of_done + of_pieces, allowed))
+        left = LEFT_IN_A_ROUND * (allowed - of_done)
+        bad, bad_count = _worst(comm, piece_unknown, own, left, most_pieces // 2)
         # All ranks decide alike, as they know the same numbers.
-        too_many = bad_count > first_count + PIECE_BUDGET[size]
-        last = not bad_count or too_many or _ends(size, excess)
+        resolved = (of_done + of_pieces <= allowed).all()
+        last = not bad_count or resolved or turn == BISECTION_ROUNDS
         done = np.ones_like(bad) if last else ~bad
         np.add.at(value, simplex[done], piece_value[done])
         np.add.at(unknown, simplex[done], piece_unknown[done])
         if last:
             break
+        most_pieces -= 2 * bad_count
         corners = bisect(corners[bad], vertices[simplex[bad]])
         simplex = np.repeat(simplex[bad], 2)
         piece_measure = np.repeat(piece_measure[bad] / 2, 2)
-    total_unknown = comm.allreduce(unknown.sum(axis=0), MPI.SUM)
+    total_unknown = comm.allreduce(unknown[owned].sum(axis=0), MPI.SUM)
     return Integral(value, unknown, total_unknown <= allowed)
 
 
-def _worst(comm: MPI.Comm, unknown: np.ndarray, allowed: np.ndarray) -> np.ndarray:
+def _summed(values: np.ndarray, components: int | None) -> np.ndarray:
+    """Sum integrands (n, i) that are vectors times functions over these, (n, c)."""
+    if components is None:
+        return values
+    functions = values.shape[1] // components
+    return np.asarray(values.reshape(len(values), functions, components).sum(axis=1))
+
+
+def _worst(
+    comm: MPI.Comm, unknown: np.ndarray, own: np.ndarray, allowed: np.ndarray, most: int
+) -> tuple[np.ndarray, int]:
     """Tell which pieces leave too much unknown; collective.
 
     They are so few that the other pieces just leave what is allowed: what is unknown
-    lies in few pieces, at kinks and jumps.
+    lies in few pieces, at kinks and jumps. If they are too many, they are the worst.
 
     Args:
         comm: Communicator.
         unknown: What is unknown in the pieces of this rank, shape (n, i).
+        own: Whether a piece counts on this rank, shape (n,).
         allowed: What may stay unknown in the other pieces of all ranks, shape (i,).
+        most: Greatest number of these pieces on all ranks.
 
     Returns:
-        Which they are, shape (n,).
+        Which they are, shape (n,), and their number on all ranks.
     """
-    # A class of pieces leaves the same power of two of what is allowed, in any units.
-    shares = np.divide(unknown, allowed, out=np.ones_like(unknown), where=allowed > 0.0)
+    greatest = np.max(comm.allgather(unknown.max(axis=0, initial=0.0)), axis=0)
+    # A class of pieces leaves the same power of two of what the worst one leaves. What
+    # pieces leave are often powers of two of each other, which are no ends of a class.
+    shares = np.divide(unknown, greatest, out=np.zeros_like(unknown), where=greatest > 0.0)
+    shares *= INSIDE_CLASS
     _, powers = np.frexp(shares)
-    classes = np.clip(powers + CLASSES, 0, CLASSES + 1)
+    classes = np.clip(powers + CLASSES, 0, CLASSES)
     classes[unknown == 0.0] = 0
-    sums = np.zeros((CLASSES + 2, unknown.shape[1]))
+    sums = np.zeros((CLASSES + 1, unknown.shape[1]))
     for i in range(unknown.shape[1]):
-        sums[:, i] = np.bincount(classes[:, i], unknown[:, i], CLASSES + 2)
+        sums[:, i] = np.bincount(classes[own, i], unknown[own, i], CLASSES + 1)
     up_to = np.cumsum(comm.allreduce(sums, MPI.SUM), axis=0)
-    first_bad = np.count_nonzero(up_to <= allowed, axis=0)
-    return np.asarray((classes >= first_bad).any(axis=1))
-
-
-def _ends(size: int, excess: list[float]) -> bool:
-    """Tell whether bisections end.
-
-    Args:
-        size: Dimension of the simplices.
-        excess: Ratio of what is unknown to what is allowed after each round [-].
-    """
-    turn = len(excess) - 1
-    resolved = excess[-1] <= 1
-    # A jump in several dimensions loses little by each round, for ever.
-    hopeless = size > 1 and turn >= PATIENT_ROUNDS and excess[-1] > LEAST_GAIN * excess[-3]
-    return resolved or hopeless or turn == BISECTION_ROUNDS[size]
-
-
-def _greatest_ratio(total: np.ndarray, allowed: np.ndarray) -> float:
-    """Compute the greatest ratio of what is unknown to what is allowed [-]."""
-    # Where nothing is allowed, anything is too much.
-    without = 1e300 * np.sign(total)
-    ratio = np.divide(total, allowed, out=without, where=allowed > 0)
-    return float(ratio.max(initial=0.0))
+    first_bad = np.count_nonzero(up_to <= np.maximum(allowed, 0.0), axis=0)
+    # Levels are classes from the first bad one on. The worst integrand counts.
+    level = np.maximum((classes - first_bad + 1).max(axis=1, initial=0), 0)
+    of_level = comm.allreduce(np.bincount(level[own], minlength=CLASSES + 2), MPI.SUM)
+    from_level = np.append(np.cumsum(of_level[::-1])[::-1], 0)
+    least = 1 + int(np.argmax(from_level[1:] <= max(most, 0)))
+    return level >= least, int(from_level[least])
 
 
 def _on_pieces(
@@ -370,9 +377,7 @@ def cell_pieces(size: int) -> np.ndarray:
 
 def polynomials(degree: int, points: np.ndarray) -> np.ndarray:
     """Evaluate Bernstein polynomials at barycentric points, shape (n, q, N)."""
-    n, q, v = points.shape
-    values = bernstein(v - 1, degree, points.reshape(n * q, v)[:, 1:])
-    return values.reshape(n, q, values.shape[1])
+    return bernstein_at(degree, points)
 
 
 @dataclass(frozen=True, eq=False)

@@ -86,9 +86,11 @@ class Constitution:
 
     def stress(self, strain: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Return the stress ``C (eps - eps_0)`` of a strain [force/area]."""
-        if self._given is not None:
-            strain = strain - self._given(x, cells)
-        return self.stress_change(strain, x, cells)
+        return self.stress_change(self._elastic(strain, x, cells), x, cells)
+
+    def _elastic(self, strain: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Return the elastic strain ``eps - eps_0``."""
+        return strain if self._given is None else strain - self._given(x, cells)
 
     def stress_change(self, strain: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Return the stress ``C eps`` of a change of the strain [force/area]."""
@@ -103,11 +105,12 @@ class Constitution:
             ``|sigma - C (eps - eps_0)|^2`` and ``|sigma + C (eps - eps_0)|^2`` in the
             metric [force/area], shape (n, q, 2).
         """
-        elastic = self.stress(strain, x, cells)
-        squares = []
-        for tensor in (stress - elastic, stress + elastic):
-            squares.append((self.metric.times(tensor, x, cells) * tensor).sum(axis=-1))
-        return np.stack(squares, axis=-1)
+        strain = self._elastic(strain, x, cells)
+        misfit = stress - self.stress_change(strain, x, cells)
+        square = np.einsum("...i,...i->...", self.metric.times(misfit, x, cells), misfit)
+        # The square of the sum is more by four times the work.
+        work = np.einsum("...i,...i->...", stress, strain)
+        return np.stack([square, square + 4.0 * work], axis=-1)
 
 
 class ElasticMatrix:
@@ -226,7 +229,7 @@ def act(moduli: np.ndarray, tensor: np.ndarray) -> np.ndarray:
         return tensor @ moduli[0, 0].T
     if moduli.shape[1] == 1:
         return np.matmul(tensor, moduli[:, 0].transpose(0, 2, 1))
-    return np.matmul(moduli, tensor[..., None])[..., 0]
+    return np.einsum("...ij,...j->...i", moduli, tensor)
 
 
 @lru_cache(maxsize=64)

@@ -62,8 +62,8 @@ class Strains:
         self.normal = normal
         self.load_form: fem.Form | None = None
         self.varies_in_cells = varies_in_cells(tensor)
-        components = [ufl.inner(ufl.as_matrix(unit.tolist()), tensor) for unit in basis]
-        self._components = Everywhere(ufl.as_vector(components), mesh)
+        self._basis = basis
+        self._at_points = Everywhere(tensor, mesh)
 
     def __call__(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Evaluate the tensor in Mandel components at points [-].
@@ -75,7 +75,7 @@ class Strains:
         Returns:
             Shape (n, q, s).
         """
-        return self._components(x, cells)
+        return np.tensordot(self._at_points(x, cells), self._basis, axes=((2, 3), (1, 2)))
 
 
 def bind_strains(
