@@ -35,6 +35,8 @@ POLYNOMIAL = 1e-14
 
 Or over the coordinates of which the gap is made.
 """
+GAP_POINTS = 2
+"""Number of points of a gap that take as long as a point of another search."""
 POOR = 0.4
 """Distance from the gap beyond which a facet may have a jump [-].
 
@@ -116,7 +118,8 @@ def excess_over_gap(space: Space, contact: ContactOnMesh, of_w: np.ndarray) -> n
 def _most_pieces(space: Space, contact: ContactOnMesh) -> int:
     """Return the limit of a search on each facet of a contact; collective."""
     facets = space.comm.allreduce(int(contact.trace.here.owned.sum()), MPI.SUM)
-    return pieces_of_each(space.data_points, facets, facet_pieces(space.d - 1))
+    points = GAP_POINTS * space.points_on_facets
+    return pieces_of_each(points, facets, facet_pieces(space.d - 1))
 
 
 def _round_off(coefficients: np.ndarray, corners: np.ndarray) -> np.ndarray:

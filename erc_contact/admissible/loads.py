@@ -60,7 +60,7 @@ def traction_moments(space: Space, facets: np.ndarray, traction: Ufl) -> np.ndar
         components=d,
         cuts=kinks_on_facets(space, [traction], facets),
         owned=space.owned(facets),
-        most=space.law_points,
+        most=space.points_on_facets,
     )
     of_facets = total.value.reshape(len(facets), len(space.facet_points), d)
     return space.section.vanishing_moments(of_facets, space.facet_corners(facets))
@@ -93,7 +93,7 @@ def cell_forces(model: Model, cells: CellGeometry) -> np.ndarray | None:
     corners = space.cell_corners()
     body = corners, cells.volume, cell_pieces(d)
     owned = of_cells < model.domain.owned_cells
-    most = space.law_points
+    most = space.points_in_cells // 2  # half is for the oscillation
     total = integrate(space.comm, moments, *body, components=d, owned=owned, most=most)
     means = total.value.reshape(len(of_cells), len(nodes(d, k - 1)), d)
     forces = from_means(d, k - 1, space.section.carried(means))

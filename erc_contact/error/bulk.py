@@ -93,7 +93,7 @@ def adapted_gaps(
         return combined(*(of_pair(cell, places, x)[..., 0] for of_pair in squares))
 
     geometry = (cells.corners[:owned], cells.volume[:owned], cell_pieces(space.d))
-    most = space.law_points
+    most = space.points_of_numbers
     return integrate(space.comm, densities, *geometry, share=share, floor=floor, most=most)
 
 
@@ -143,7 +143,7 @@ def _adapted_squares(admissible: Admissible, share: float) -> LawError:
         cell_pieces(space.d),
         share=share,
         floor=floor,
-        most=space.law_points,
+        most=space.points_in_cells,
     )
     unknown = 0.0 if total.resolved.all() else float(total.bound.max(axis=1).sum())
     value += total.value

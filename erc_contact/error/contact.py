@@ -263,7 +263,7 @@ def _adapted_squares(
         share=np.array(share),
         floor=np.array(Squares(term=floor, of_sum=0.0, of_gap=0.0, of_friction=0.0)),
         cuts=kinks_on_facets(space, contact.data, contact.facets),
-        most=space.law_points,
+        most=space.points_on_facets,
     )
     return _with_unknown(contact, total)
 

@@ -54,5 +54,5 @@ def contact_integral(
     pieces = facet_pieces(space.d - 1)
     area = trace.here.owned_areas
     corners = trace.here.corners
-    most = space.law_points
+    most = space.points_of_numbers
     return integrate(space.comm, values, corners, area, pieces, floor=floor, cuts=cuts, most=most)

@@ -31,8 +31,8 @@ ROUND_OFF = 1e-15
 """Error of a gap, a difference of energies, over these energies [-]."""
 SAME = 1e-13
 """Difference of the gaps of two laws that is round-off, over the energies [-]."""
-LAW_STEPS = 4
-"""Number of linear contact problems that a solve takes where the law is not linear."""
+LAW_STEPS = 2
+"""Number of linear problems that take as long as a solve with such a law, or less."""
 CHUNK = 2048
 """Number of cells that are worked on at once."""
 
@@ -94,7 +94,7 @@ def fenchel_error(admissible: Admissible) -> LawError:
         share=UNKNOWN_SHARE,
         floor=floor,
         hidden=hidden_by_data(law, of_cells, of_law),
-        most=LAW_STEPS * space.law_points,
+        most=LAW_STEPS * space.points_in_cells,
     )
     unknown = 0.0 if total.resolved.all() else float(total.bound.max(axis=1).sum())
     value = np.maximum(near.taken * of_linear + total.value, 0.0)

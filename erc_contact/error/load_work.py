@@ -130,7 +130,7 @@ def _surface_work(space: Space, part: str, density: Ufl, v: fem.Function) -> Bou
     work = _products(space.everywhere(density), facets, on_facets, k)
     corners = space.facet_corners(facets)
     pieces = facet_pieces(d - 1)
-    most = space.data_points
+    most = space.points_of_numbers
     integral = integrate(space.comm, work, corners, area, pieces, components=d, most=most)
     return BoundedNumber.summed(space.comm, integral)
 
@@ -146,7 +146,7 @@ def _body_work(space: Space, force: Ufl, v: fem.Function) -> BoundedNumber:
     corners = cells.corners[:owned]
     volume = cells.volume[:owned]
     pieces = cell_pieces(d)
-    most = space.data_points
+    most = space.points_of_numbers
     integral = integrate(space.comm, work, corners, volume, pieces, components=d, most=most)
     return BoundedNumber.summed(space.comm, integral)
 

@@ -149,7 +149,7 @@ def _of_body_force(
     data = space.everywhere(space.section.carried_density(model.body_force))
     difference = _squares(space, data, space.owned_cells, projected, k - 1)
     body = corners, volume, cell_pieces(d)
-    most = space.law_points
+    most = space.points_in_cells // 2
     integral = integrate(space.comm, difference, *body, share=OSCILLATION_SHARE, most=most)
     square = integral.value[:, 0]
     modulus = space.at_middles(model.modulus, space.owned_cells)
@@ -219,7 +219,7 @@ def _on_facets(
         area,
         facet_pieces(space.d - 1),
         share=OSCILLATION_SHARE,
-        most=space.law_points,
+        most=space.points_on_facets,
     )
     return integral.value[:, 0]
 

@@ -187,7 +187,7 @@ def _over_cells(
     size = space.comm.allreduce(float((volume * sizes[0]) @ sizes[1]), MPI.SUM)
     body = corners, volume, cell_pieces(space.d)
     floor = max(ROUND_OFF * size, floor)
-    most = space.law_points
+    most = space.points_of_numbers
     integral = integrate(space.comm, density, *body, floor=floor, hidden=hidden, most=most)
     return BoundedNumber.summed(space.comm, integral)
 

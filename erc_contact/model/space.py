@@ -20,6 +20,7 @@ from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.contact.trace import Side
 from erc_contact.model.data.expressions import Everywhere, evaluate
+from erc_contact.model.data.quadrature import MOST_POINTS
 from erc_contact.model.section import Section
 from namedmesh.base.ranks import global_numbers
 from namedmesh.base.releases import cell_nodes
@@ -38,15 +39,17 @@ from namedmesh.simplex import (
     rule,
 )
 
-LAW_POINTS = (0, 0, 10, 60)
-"""Number of points for each unknown at which an integral evaluates a law, by dimension.
+IN_CELLS = (0, 0, 10, 100)
+"""Number of points for each unknown at which data in cells are searched, by dimension.
 
-All searches of a scene then take the processor about as long as the solve.
+The search then takes the processor about as long as the solve.
 """
-FURTHER_POINTS = 25_000
+ON_FACETS = (0, 0, 10, 60)
+"""The same on facets, where a point takes longer and there are several searches."""
+FURTHER_IN_CELLS = (0, 0, 160_000, 60_000)
 """Number of points beyond these, for the part of a solve that any mesh takes."""
-DATA_POINTS = 2
-"""Number of points of a gap, or of a load alone, that take as long as one of a law."""
+FURTHER_ON_FACETS = 25_000
+"""The same on facets."""
 FACET_SAMPLES = 12
 """Number of parts of a facet's edge between the samples of data that vary along it."""
 
@@ -82,9 +85,10 @@ class Space:
         n: Outward normal of the boundary, UFL.
         dx: Measure of the cells.
         ds: Measure of the boundary with the tags of its parts.
-        law_points: At how many points of all ranks an integral of a law may evaluate
-            it, so that searches take no longer than the solve.
-        data_points: The same where data are searched alone.
+        points_in_cells: At how many points of all ranks a search may evaluate data in
+            cells, so that searches take no longer than the solve.
+        points_on_facets: The same on the facets of a part.
+        points_of_numbers: The same of a number that is asked for, once there is a pair.
 
     Raises:
         InputError: If the degree is not 1 or 2, or cells are flat or folded.
@@ -113,8 +117,11 @@ class Space:
         self.ds = ufl.Measure("ds", domain=self.mesh, subdomain_data=domain.facet_tags)
         self.dx = ufl.Measure("dx", domain=self.mesh)
         unknowns = self.V.dofmap.index_map.size_global * self.d
-        self.law_points = (LAW_POINTS[self.d] * unknowns + FURTHER_POINTS) // max(data, 1)
-        self.data_points = DATA_POINTS * self.law_points
+        in_cells = IN_CELLS[self.d] * unknowns + FURTHER_IN_CELLS[self.d]
+        on_facets = ON_FACETS[self.d] * unknowns + FURTHER_ON_FACETS
+        self.points_in_cells = in_cells // max(data, 1)
+        self.points_on_facets = on_facets // max(data, 1)
+        self.points_of_numbers = max(MOST_POINTS, self.points_in_cells)
 
     def function(self) -> fem.Function:
         """Make a new Function of V, zero everywhere."""
