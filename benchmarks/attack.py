@@ -62,7 +62,7 @@ from tasks import run, tell  # isort: skip
 from true_errors import reference, true_errors  # isort: skip
 
 from erc_contact.admissible.traction import ContactTraction
-from erc_contact.error.contact import contact_parts
+from erc_contact.error.contact import contact_squares
 from erc_contact.error.contact_term import AtPoints, contact_density
 from erc_contact.model.contact.contact_values import friction_parameters
 from erc_contact.model.contact.foundation import pressures
@@ -148,7 +148,9 @@ def kinks(seed: int = 0, count: int = 200) -> None:
         scene, domain, degree = pushed_block(np.random.default_rng([seed, number]))
         pair = ec.equilibrate(ec.solve(scene(1.0), domain, degree=degree))
         traction = pair.tractions[0]
-        part = contact_parts(pair.solution.model.space, pair.displacement, traction).sum()
+        part = contact_squares(
+            pair.solution.model.space, pair.displacement, traction, 0.0
+        ).parts.sum()
         composite = composite_contact_part(pair, traction)
         if composite > 0:
             deviations.append(part / composite - 1)

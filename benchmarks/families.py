@@ -54,7 +54,7 @@ from potentials import HYPOTHESES, ROUND_OFF, SETTLED, YIELD  # isort: skip
 from potentials import Body, certified, random_body, random_curve, random_loads  # isort: skip
 from tasks import run, tell  # isort: skip
 
-from erc_contact.error.contact import contact_parts  # isort: skip
+from erc_contact.error.contact import contact_squares  # isort: skip
 
 QUANTILES = (0.0, 0.1, 0.5, 0.9, 1.0)
 """Quantiles of the table."""
@@ -291,7 +291,9 @@ def measured(sample: Sample) -> Row:
     index = error.absolute / np.sqrt(2 * of_u) if is_settled else np.nan
     of_contacts = 0.0
     for traction in error.admissible.tractions:
-        parts = contact_parts(error.model.space, error.admissible.displacement, traction)
+        parts = contact_squares(
+            error.model.space, error.admissible.displacement, traction, 0.0
+        ).parts
         of_contacts += float(parts.sum())
     own = law_part(error, body.kind, sample.law_of, sample.heat)
     is_known = error.relative > ROUND_OFF

@@ -164,10 +164,12 @@ def given(seed: int = 0, count: int = 40) -> None:
 
 def contact_part(error: ec.ConstitutiveError) -> float:
     """Return the contact part of e^2 as the package has it [force length]."""
-    from erc_contact.error.contact import contact_parts  # noqa: PLC0415 - its name here is another
+    from erc_contact.error.contact import contact_squares  # noqa: PLC0415 - its name here is another
 
     pair = error.admissible
-    return float(contact_parts(error.model.space, pair.displacement, pair.tractions[0]).sum())
+    return float(
+        contact_squares(error.model.space, pair.displacement, pair.tractions[0], 0.0).parts.sum()
+    )
 
 
 def coulomb(seed: int = 0, count: int = 40) -> None:

@@ -78,14 +78,6 @@ class Squares[T](NamedTuple):
     of_friction: T
 
 
-def contact_parts(space: Space, u_hat: fem.Function, traction: ContactTraction) -> np.ndarray:
-    """Integrate twice the contact term over each facet [force length]; collective.
-
-    Facets of ghosts get 0.
-    """
-    return contact_squares(space, u_hat, traction, 0.0).parts
-
-
 def contact_squares(
     space: Space, u_hat: fem.Function, traction: ContactTraction, floor: float
 ) -> ContactSquares:

@@ -200,11 +200,6 @@ class Periodic(PeriodicSides):
         """Return the sides with the translation between their centres; collective."""
         return translated(domain, self.facets, self.against)
 
-    @property
-    def is_sought(self) -> bool:
-        """Tell whether the jump is to be found for the mean stress."""
-        return self.mean_stress is not None and self.found is None
-
     def with_jump(self, jump: Numbers) -> Periodic:
         """Return the sides with the jump that was found for S [length]."""
         sides = copy(self)

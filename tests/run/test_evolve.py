@@ -31,7 +31,7 @@ from test_report import Page, page_alone
 
 import erc_contact as ec
 from erc_contact.base.runtime import compiled
-from erc_contact.error.contact import contact_parts
+from erc_contact.error.contact import contact_squares
 from erc_contact.error.works import friction_works
 from erc_contact.run.energy import energies
 from erc_contact.run.evolution import _slides
@@ -243,7 +243,7 @@ def test_dissipation_where_a_contact_opens():
     own = model.space.owned(t.contact.facets)
     work, most = (
         -(t.area * (product @ weights))[own],
-        contact_parts(model.space, pair.displacement, t)[own] / 2,
+        contact_squares(model.space, pair.displacement, t, 0.0).parts[own] / 2,
     )
     taken = friction_works(model.space, t, pair.displacement, 0.0).value[own, 0]
     assert COMM.allreduce(float(work.min(initial=0.0)), MPI.MIN) < -1e-9
