@@ -91,7 +91,8 @@ def displacement_back_at_rest(
     # Supports that move tell a small strain from a motion before to more digits.
     share = HISTORY_ROUND_OFF if before > 0 and _is_moved(model) else SOLVED
     round_off = share * moved
-    motions = rigid_motions(space).reshape(len(u.x.array), -1)
+    of_nodes = rigid_motions(space)
+    motions = of_nodes.reshape(len(u.x.array), of_nodes.shape[2])
     displacement = space.function()
     displacement.x.array[:] = motions @ nearest_motion(space, motions, u.x.array)
     off = float(abs(displacement.x.array - u.x.array).max(initial=0.0))

@@ -92,6 +92,29 @@ def test_a_stiff_body_on_a_soft_foundation_is_no_rest(stiffness):
     assert force[1] == pytest.approx(stiffness * sunk, rel=1e-3)
 
 
+@pytest.mark.ranks
+def test_ranks_without_cells():
+    """A body that is carried, a loose one, and two of them, on two cells each."""
+    block = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(1, 1))
+    lifted = ec.Displacement("top", (0.0, 0.3))
+    assert ec.solve(
+        ec.Scene(ec.Elastic(1.0, 0.3), [lifted], [], [ec.Contact("bottom")]), block
+    ).at_rest
+    pressed = [ec.Traction("top", (0.0, -0.01))]
+    loose = ec.Scene(ec.Elastic(1.0, 0.3), [], pressed, [ec.Contact("bottom", friction=0.3)])
+    assert ec.solve(loose, block).force("bottom").force[1] == pytest.approx(0.01, rel=1e-9)
+    lower = ec.rectangle((0.0, -1.0), (1.0, 0.0), cells=(1, 1))
+    both = ec.assembly({"upper": block, "lower": lower}).joined("upper bottom", "lower top")
+    pair = ec.Scene(
+        ec.Elastic(1.0, 0.3),
+        [ec.Displacement("lower bottom", (0.0, 0.0))],
+        [ec.Traction("upper top", (0.0, -0.01))],
+        [ec.Contact("upper bottom", against="lower top", friction=0.3)],
+    )
+    force = ec.solve(pair, both).force("upper bottom").force
+    assert force[1] == pytest.approx(0.01, rel=1e-9)
+
+
 def test_a_support_that_carries_a_body_away_is_told(caplog):
     lifted = ec.Displacement("top", (0.0, 0.3))
     scene = ec.Scene(ec.Elastic(1.0, 0.3), lifted, [], ec.Contact("bottom"))

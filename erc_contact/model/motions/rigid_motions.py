@@ -150,7 +150,7 @@ def greatest_of_bodies(
         if count == 1:
             greatest[0] = values.max(initial=0.0)
         else:
-            of_rows = values.reshape(len(values), -1).max(axis=1, initial=0.0)
+            of_rows = values.max(axis=tuple(range(1, values.ndim)), initial=0.0)
             np.maximum.at(greatest, body[nodes], of_rows)
     return greatest if comm.size == 1 else np.max(comm.allgather(greatest), axis=0)
 

@@ -182,7 +182,7 @@ def _anchors(
         weights[contact.trace.partners] *= AT_CONTACT
     weights[fixed] = 0.0
     weights = weights[:owned].ravel()
-    left = values[:owned].reshape(len(weights), -1)
+    left = values[:owned].reshape(len(weights), values.shape[2])
     x = space.V.tabulate_dof_coordinates()[:owned]
     anchors = np.zeros(fixed.shape, dtype=bool)
     for _ in range(values.shape[2]):
