@@ -184,8 +184,8 @@ def law_sum(law: SpringLaw) -> np.ndarray:
 
     It is ``|t + P|^2/k``, as ``|sigma^ + C eps(u^)|^2`` of a body.
     """
-    both = law.traction + law.allowed
-    return np.asarray(np.vecdot(both, both) / law.stiffness)
+    total = law.traction + law.allowed
+    return np.asarray(np.vecdot(total, total) / law.stiffness)
 
 
 def bound_cancellation(trace: Trace, u: np.ndarray) -> np.ndarray:

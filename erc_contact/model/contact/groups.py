@@ -116,8 +116,8 @@ class Groups:
         if self.jumps.size == 0:
             nothing = np.empty((0, height, width))
             return nothing, np.empty((0, width)), np.empty(0, dtype=np.int64)
-        both = np.concatenate([self.jumps, self.is_free[:, :, None]], axis=2)
-        flat = both.reshape(-1, (height + 1) * width)
+        blocks = np.concatenate([self.jumps, self.is_free[:, :, None]], axis=2)
+        flat = blocks.reshape(-1, (height + 1) * width)
         unique, place = np.unique(flat, axis=0, return_inverse=True)
         unique = unique.reshape(-1, height + 1, width)
         return unique[:, :-1], unique[:, -1], place.ravel()

@@ -174,20 +174,20 @@ def integrate(
         )
         # The order of the functions may depend on the number of ranks, sums do not.
         piece_unknown = _summed(piece_unknown, components)
-        own = owned[simplex]
+        counts = owned[simplex]
         if turn == 0:
             # The first evaluation tells the number of integrands, and their size.
             value = np.zeros((len(vertices), piece_value.shape[1]))
             unknown = np.zeros((len(vertices), piece_unknown.shape[1]))
-            sizes = _summed(abs(piece_value[own]), components)
+            sizes = _summed(abs(piece_value[counts]), components)
             size_of_integrals = comm.allreduce(sizes.sum(axis=0), MPI.SUM)
             allowed = np.maximum(share * size_of_integrals, floor)
             if components is not None:
                 allowed = np.maximum(allowed, ROUND_OFF * size_of_integrals.sum())
-        sums = np.stack([unknown[owned].sum(axis=0), piece_unknown[own].sum(axis=0)])
+        sums = np.stack([unknown[owned].sum(axis=0), piece_unknown[counts].sum(axis=0)])
         of_done, of_pieces = comm.allreduce(sums, MPI.SUM)
         left = LEFT_IN_A_ROUND * (allowed - of_done)
-        bad, bad_count = _worst(comm, piece_unknown, own, left, most_pieces // 2)
+        bad, bad_count = _worst(comm, piece_unknown, counts, left, most_pieces // 2)
         # All ranks decide alike, as they know the same numbers.
         resolved = (of_done + of_pieces <= allowed).all()
         last = not bad_count or resolved or turn == BISECTION_ROUNDS
@@ -213,7 +213,7 @@ def _summed(values: np.ndarray, components: int | None) -> np.ndarray:
 
 
 def _worst(
-    comm: MPI.Comm, unknown: np.ndarray, own: np.ndarray, allowed: np.ndarray, most: int
+    comm: MPI.Comm, unknown: np.ndarray, counts: np.ndarray, allowed: np.ndarray, most: int
 ) -> tuple[np.ndarray, int]:
     """Tell which pieces leave too much unknown; collective.
 
@@ -223,7 +223,7 @@ def _worst(
     Args:
         comm: Communicator.
         unknown: What is unknown in the pieces of this rank, shape (n, i).
-        own: Whether a piece counts on this rank, shape (n,).
+        counts: Whether a piece counts on this rank, shape (n,).
         allowed: What may stay unknown in the other pieces of all ranks, shape (i,).
         most: Greatest number of these pieces on all ranks.
 
@@ -240,12 +240,12 @@ def _worst(
     classes[unknown == 0.0] = 0
     sums = np.zeros((CLASSES + 1, unknown.shape[1]))
     for i in range(unknown.shape[1]):
-        sums[:, i] = np.bincount(classes[own, i], unknown[own, i], CLASSES + 1)
+        sums[:, i] = np.bincount(classes[counts, i], unknown[counts, i], CLASSES + 1)
     up_to = np.cumsum(comm.allreduce(sums, MPI.SUM), axis=0)
     first_bad = np.count_nonzero(up_to <= np.maximum(allowed, 0.0), axis=0)
     # Levels are classes from the first bad one on. The worst integrand counts.
     level = np.maximum((classes - first_bad + 1).max(axis=1, initial=0), 0)
-    of_level = comm.allreduce(np.bincount(level[own], minlength=CLASSES + 2), MPI.SUM)
+    of_level = comm.allreduce(np.bincount(level[counts], minlength=CLASSES + 2), MPI.SUM)
     from_level = np.append(np.cumsum(of_level[::-1])[::-1], 0)
     least = 1 + int(np.argmax(from_level[1:] <= max(most, 0)))
     return level >= least, int(from_level[least])
