@@ -84,8 +84,8 @@ history.save(FOLDER, pictures=True)
 foot, contact = history.force("foot"), history.profile("foot")
 x, p, q = contact["x"], contact["pressure"], contact["shear"]
 centre = foot.moment[0] / foot.force[1]
-pressed = p > 0.01 * p.max()  # at the edges pressure is known to a facet
-left, right = x[pressed].min(), x[pressed].max()
+(strip,) = history.contact_area("foot").strips
+left, right = strip.ends[:, 0]
 if pad.comm.rank == 0:
     print(f"force {foot.force} N/mm, centre {centre:.4f} mm")
     print(f"contact {left:.2f} to {right:.2f} mm, peak {p.max():.1f} MPa")
