@@ -133,10 +133,11 @@ def without_shifts(scene: Scene) -> Scene:
 
 def with_free_jumps(scene: Scene) -> Scene:
     """Return a scene whose sides under a mean stress have jumps to be found."""
-    contacts = list(scene.contacts)
-    for entry in stressed_sides(scene.contacts):
-        contacts[contacts.index(entry)] = replace(entry)
-    return replace(scene, contacts=contacts)
+    # A copy by its declaration has no jump that was found.
+    free = {entry.facets: replace(entry) for entry in stressed_sides(scene.contacts)}
+    if not free:
+        return scene
+    return replace(scene, contacts=[free.get(entry.facets, entry) for entry in scene.contacts])
 
 
 def with_jumps_of(scene: Scene, model: Model, u: fem.Function) -> Scene:

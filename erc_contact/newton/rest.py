@@ -126,8 +126,9 @@ def load_size(space: Space, loads: fem.Function) -> float:
 def _is_loaded(model: Model, loads: fem.Function, moved: float) -> bool:
     """Tell whether loads are more than round-off; collective.
 
-    It is round-off of the loads of the history, and of the forces that a strain of the
-    size of a motion takes: a law that is linearised about the last step leaves it.
+    Round-off is measured by the greatest load of the history, and by the force of a
+    strain that a displacement over the size of the body is: a law that is linearised
+    about the last step leaves so much.
 
     Args:
         model: The scene on a mesh.

@@ -304,6 +304,16 @@ def test_a_contact_slips_at_the_sides_as_in_the_whole():
     assert_same(one, ec.solve(scene, disc(3, 3, 3), AUGMENTED))
 
 
+@pytest.mark.serial
+@pytest.mark.parametrize(("d", "sectors", "degree"), [(2, 2, 1), (2, 5, 2), (3, 3, 1)])
+def test_a_disc_under_pressure_is_exact(d, sectors, degree):
+    """Its stress is constant, also on the axis, where a node has the traction of its own jump."""
+    axis = (0.0, 0.0) if d == 2 else ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    sides = ec.Cyclic("low", "cut", axis=axis, sectors=sectors)
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), [sides], [ec.Traction("outer", pressure=0.01)])
+    assert certified(scene, disc(d, sectors), AUGMENTED, degree).relative < 1e-12
+
+
 def fitted(ring):
     """A shaft in a hub, which meet at the radius 1.5."""
 

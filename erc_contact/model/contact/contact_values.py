@@ -52,7 +52,7 @@ def distance_at_nodes(space: Space, contact: ContactOnMesh, u: np.ndarray) -> np
     Returns:
         Shape (f, m); below zero the displacement closes more than the gap.
     """
-    closed = (contact.trace.of(u) * contact.trace.normals).sum(axis=-1)
+    closed = np.vecdot(contact.trace.of(u), contact.trace.normals)
     return np.asarray(gap_at_nodes(space, contact) - closed)
 
 
