@@ -53,12 +53,16 @@ def plane_bulk(given: Reconstruction) -> BulkStress:
             stress = relax(cells, stress, *law)
         return Tight(moment, forces, stress)
 
-    free = cells.has_second[:, None] | given.fixed
-    turning = _turning(model, len(free))
+    around = given.around
+    free = around.has_second[:, None] | around.images.of_facets(given.fixed)
+    turning = _turning(model, len(given.fixed))
+    if turning is not None:
+        turning = around.images.of_facets(turning)
 
     def tighten(moment: np.ndarray, law: CellLaw, ending: Ending) -> Tight:
+        of_law = law.elastic, around.images.matrices(law.compliance)
         moment, done, square = tighten_moments(
-            model.space, cells, moment, force, free, turning, *law, ending
+            model.space, around, moment, force, free, turning, *of_law, ending
         )
         return replace(balanced(moment, law), iterations=done, square=square)
 
@@ -72,7 +76,7 @@ def plane_bulk(given: Reconstruction) -> BulkStress:
     missing = unbalanced_cells(cells, tight.stress, tight.forces, force)
     return BulkStress(
         stress=tight.stress,
-        moment=tight.moment,
+        moment=tight.moment[: len(given.boundary)],
         iterations=tight.iterations,
         correction=correction,
         square=tight.square,

@@ -5,6 +5,7 @@ Source: Coorevits, Hild, Hjiaj, equations (9), (10); Ladeveze, Leguillon (1983).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import comb
@@ -22,6 +23,7 @@ from erc_contact.admissible.cells import (
     add_moments,
     cell_geometry,
     moments,
+    tractions_of,
     values_on,
 )
 from erc_contact.admissible.contact import admissible_tractions, no_traction
@@ -45,6 +47,7 @@ from erc_contact.admissible.springs import (
     spring_tractions,
     supported_components,
 )
+from erc_contact.admissible.surrounded import surrounded
 from erc_contact.admissible.tighten.iteration import TIGHTEN, SharedMoments
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.exceptions import NotBalanced
@@ -242,6 +245,8 @@ def _make_pair(
     boundary = _boundary(data, tractions)
     b = load_forces(model, cells, boundary, data.force)
     balanced = rebalanced_stress(model, data.solution.stiffness, cells, u, b)
+    # Facets between copies of a body are inside it, and sigma^ has its own tractions there.
+    boundary -= _moments_of(model.space, _of_sides(tractions))
     if model.springs:
         # They pull at the displacement that is in equilibrium with their pull.
         pulled = spring_moments(model, spring_tractions(model, balanced.displacement))
@@ -249,6 +254,7 @@ def _make_pair(
     given = Reconstruction(
         model=model,
         cells=cells,
+        around=surrounded(model, cells),
         displacement=u_hat,
         balanced=balanced.stress,
         force=data.force,
@@ -258,7 +264,9 @@ def _make_pair(
         correction=None if near is None else near.correction,
     )
     bulk = axisymmetric_bulk(given) if model.space.axisymmetric else plane_bulk(given)
-    of_boundary = Given(bulk.boundary, data.fixed, tractions)
+    tractions = _with_sides(model.space, bulk.moment, tractions)
+    of_sides = _moments_of(model.space, _of_sides(tractions))
+    of_boundary = Given(bulk.boundary + of_sides, data.fixed, tractions)
     imbalance = proved_imbalance(model, cells, u, bulk.missing, bulk.moment, of_boundary)
     of_springs = []
     if model.springs:
@@ -287,15 +295,44 @@ def _boundary(data: _Data, tractions: list[ContactTraction]) -> np.ndarray:
 
     A support takes up the load on its components.
     """
-    space = data.solution.model.space
-    boundary = np.where(data.fixed[:, None, :], 0.0, data.loads)
+    of_loads = np.where(data.fixed[:, None, :], 0.0, data.loads)
+    return of_loads + _moments_of(data.solution.model.space, tractions)
+
+
+def _moments_of(space: Space, tractions: Sequence[ContactTraction]) -> np.ndarray:
+    """Return the moments of tractions on all facets [force], shape (facets, m, d)."""
+    total = np.zeros((space.facet_count, len(space.facet_points), space.d))
     for traction in tractions:
         of_contact = moments(traction.area, traction.values, space.degree)
         trace = traction.contact.trace
-        add_moments(space, boundary, trace.here.facets, of_contact)
+        add_moments(space, total, trace.here.facets, of_contact)
         # Action and reaction: on the other body acts the opposite traction.
-        add_moments(space, boundary, trace.there.facets, -trace.on_there(of_contact))
-    return boundary
+        add_moments(space, total, trace.there.facets, -trace.on_there(of_contact))
+    return total
+
+
+def _of_sides(tractions: list[ContactTraction]) -> list[ContactTraction]:
+    """Return the tractions between copies of a body."""
+    return [traction for traction in tractions if traction.contact.is_periodic]
+
+
+def _with_sides(
+    space: Space, moment: np.ndarray, tractions: list[ContactTraction]
+) -> list[ContactTraction]:
+    """Return tractions with the tractions of sigma^ on the sides of copies.
+
+    Args:
+        space: The mesh.
+        moment: Moments of all facets [force], shape (facets, m, d).
+        tractions: r^ on each contact.
+    """
+    result = []
+    for traction in tractions:
+        if traction.contact.is_periodic:
+            values = tractions_of(space, moment, traction.contact.trace.here.facets)
+            traction = replace(traction, values=values)
+        result.append(traction)
+    return result
 
 
 def _of_owners(

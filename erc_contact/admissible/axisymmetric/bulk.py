@@ -26,24 +26,30 @@ def axisymmetric_bulk(given: Reconstruction) -> BulkStress:
     The first tractions are found as in the plane, with the hoop force of the solver as
     a body force, and moved off the axis.
     """
-    model, cells = given.model, given.cells
+    model, cells, around = given.model, given.cells, given.around
     owned = model.domain.owned_cells
     off = _off_axis(model.space, cells)
     # Nodes on the axis have no radial equilibrium: whatever is left there is free.
     with_axis = given.fixed.copy()
     with_axis[:, 0] |= ~off.any(axis=1)
-    first = without_axis(given.first_moments(with_axis), off)
-    elements = Elements(model.space, cells, given.force)
+    off_of_all = around.images.of_facet_nodes(off)
+    first = without_axis(given.first_moments(with_axis), off_of_all)
+    force = None if given.force is None else around.images.vectors(given.force)
+    elements = Elements(model.space, around, force)
     law = _law(given)
+
+    def energies_of(law: CellLaw) -> CellEnergies:
+        return elements.energies(law.elastic, around.images.matrices(law.compliance))
 
     def balanced(forces: np.ndarray, energies: CellEnergies) -> Tight:
         of_cells = moments_of_cells(cells, forces)[:owned]
         return Tight(forces, of_cells, elements.stresses(of_cells, energies))
 
-    free = off[..., None] & (cells.has_second[:, None] | given.fixed)[:, None, :]
+    free_of_facets = around.has_second[:, None] | around.images.of_facets(given.fixed)
+    free = off_of_all[..., None] & free_of_facets[:, None, :]
 
     def tighten(forces: np.ndarray, law: CellLaw, ending: Ending) -> Tight:
-        energies = elements.energies(*law)
+        energies = energies_of(law)
         forces, done, square = tighten_forces(model.space, elements, energies, forces, free, ending)
         return replace(balanced(forces, energies), iterations=done, square=square)
 
@@ -56,10 +62,10 @@ def axisymmetric_bulk(given: Reconstruction) -> BulkStress:
         tight = tightened_in_rounds(given, forces, law, tighten)
         correction = np.matmul(to_moments, tight.moment - first)
     else:
-        tight = balanced(first, elements.energies(*law))
+        tight = balanced(first, energies_of(law))
     return BulkStress(
         stress=tight.stress,
-        moment=np.matmul(to_moments, tight.moment),
+        moment=np.matmul(to_moments, tight.moment[: len(off)]),
         iterations=tight.iterations,
         correction=correction,
         square=tight.square,

@@ -106,6 +106,8 @@ class Patches:
         )
         m = len(nodes(d - 1, cells.degree))
         of_rings = (m, len(self.size), self.ring, self.size)
+        if cells.images.more_nodes:
+            self.scale[_in_batches(counts, lanes)] /= _turns_about(cells, self.ring, self.size)
         self._apply = kernels(d).bound(
             "apply_patches", *of_rings, cells.edges, cells.side, *factors
         )
@@ -119,6 +121,30 @@ class Patches:
         z = np.zeros_like(r)
         self._apply(r, z)
         return z
+
+
+def _in_batches(counts: np.ndarray, lanes: int) -> np.ndarray:
+    """Return the place of each patch, of which as many of a size are side by side.
+
+    Args:
+        counts: Number of the patches of each size, shape (sizes,).
+        lanes: Number of patches side by side.
+    """
+    begin = lanes * np.append(0, np.cumsum(-(-counts // lanes)))[:-1]
+    within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    return np.repeat(begin, counts) + within
+
+
+def _turns_about(cells: CellGeometry, ring: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """Return how many motions between copies leave each ring in place, shape (H,).
+
+    Such a ring is met once by each of them, and counts once.
+    """
+    d = cells.d
+    facet, j = np.divmod(ring[np.cumsum(size) - size] // 2, d)
+    centres = cells.vertices_of_facets[facet[:, None], facet_vertices(d - 1)[j]]
+    turns: np.ndarray = cells.images.turns_about(centres)
+    return turns
 
 
 @cache
@@ -136,6 +162,20 @@ def _facet_pair(d: int) -> np.ndarray:
     return np.ascontiguousarray(products[np.tril_indices(2 * d * d)])
 
 
+def global_numbers(space: Space, cells: CellGeometry, nodes: np.ndarray) -> np.ndarray:
+    """Return global numbers of nodes, -1 of nodes that images of cells alone have.
+
+    No rank owns a node of images, and so no centre with one.
+    """
+    if not cells.images.more_nodes:
+        return space.global_numbers(nodes)
+    count = space.V.dofmap.index_map.size_local + space.V.dofmap.index_map.num_ghosts
+    numbers = np.full(count + cells.images.more_nodes, -1)
+    numbers[:count] = space.global_numbers(np.arange(count))
+    of_nodes: np.ndarray = numbers[nodes]
+    return of_nodes
+
+
 def rings(space: Space, cells: CellGeometry) -> tuple[np.ndarray, np.ndarray]:
     """Find the rings of this rank, in a row, the smallest rings first.
 
@@ -148,14 +188,15 @@ def rings(space: Space, cells: CellGeometry) -> tuple[np.ndarray, np.ndarray]:
     """
     d = cells.d
     nodes = cells.vertices_of_facets
-    number = space.global_numbers(nodes)
     owned = space.V.dofmap.index_map.size_local
+    number = global_numbers(space, cells, nodes)
     has_cell = cells.side[0] >= 0
     facets = np.arange(len(nodes))
     mine = np.empty(nodes.shape, dtype=bool)
     for j, centre in enumerate(facet_vertices(d - 1)):
         first = number[:, centre].argmin(axis=1)
         mine[:, j] = (nodes[facets, centre[first]] < owned) & has_cell
+        mine[:, j] &= cells.images.are_own(nodes[:, centre])
     steps = int(mine.sum())
     ring, size = np.empty((2, steps), dtype=np.int32)
     count = kernels(d)(
