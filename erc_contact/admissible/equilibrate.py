@@ -16,7 +16,7 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.admissible.axisymmetric.bulk import axisymmetric_bulk
-from erc_contact.admissible.balance_parts import TooCoarse
+from erc_contact.admissible.balance_parts import Motion, TooCoarse
 from erc_contact.admissible.bulk import plane_bulk
 from erc_contact.admissible.cells import (
     CellGeometry,
@@ -120,7 +120,7 @@ def equilibrated(
         # The law may leave too little for the forces of bolts.
         others = other_forces(model, cells, loads, fixed, force, solution.u, {})
         tractions = admissible_tractions(model, solution, others)
-    made = _make_pair(data, tractions, tighten, near)
+    made = _make_pair(data, tractions, others.motions, tighten, near)
     pair = made.pair
     kept = None
     if is_own:
@@ -130,7 +130,7 @@ def equilibrated(
         # beside the resultants, and where the stress is not in equilibrium.
         with suppress(TooCoarse, NotBalanced):
             tractions = admissible_tractions(model, solution, kept)
-            again = _make_pair(data, tractions, tighten, near)
+            again = _make_pair(data, tractions, others.motions, tighten, near)
             pair = again.pair if again.bulk < made.bulk else pair
     seconds = model.space.comm.allreduce(perf_counter() - began, MPI.MAX)
     return replace(pair, seconds=seconds)
@@ -224,13 +224,18 @@ class _Made(NamedTuple):
 
 
 def _make_pair(
-    data: _Data, tractions: list[ContactTraction], tighten: int, near: Admissible | None
+    data: _Data,
+    tractions: list[ContactTraction],
+    motions: list[Motion],
+    tighten: int,
+    near: Admissible | None,
 ) -> _Made:
     """Reconstruct a pair with given contact tractions; collective.
 
     Args:
         data: The solution with its loads.
         tractions: r^ on each contact.
+        motions: What they balance.
         tighten: Greatest number of iterations that tighten sigma^.
         near: See :func:`equilibrated`.
     """
@@ -244,7 +249,7 @@ def _make_pair(
         u_hat = admissible_displacement(model, u, tractions)
     boundary = _boundary(data, tractions)
     b = load_forces(model, cells, boundary, data.force)
-    balanced = rebalanced_stress(model, data.solution.stiffness, cells, u, b)
+    balanced = rebalanced_stress(model, data.solution.stiffness, cells, u, b, motions)
     # Facets between copies of a body are inside it, and sigma^ has its own tractions there.
     boundary -= _moments_of(model.space, _of_sides(tractions))
     if model.springs:

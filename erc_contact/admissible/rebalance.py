@@ -9,7 +9,7 @@ polynomial of degree k-1 in a cell.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -18,7 +18,8 @@ from dolfinx import fem, la
 from mpi4py import MPI
 from scipy.linalg import block_diag  # type: ignore[import-untyped]
 
-from erc_contact.admissible.balance_parts import OtherForces, UnitJump
+from erc_contact.admissible.across import Across
+from erc_contact.admissible.balance_parts import Motion, OtherForces, UnitJump
 from erc_contact.admissible.cells import CellGeometry, facet_forces
 from erc_contact.admissible.elastic import CellStress, cell_stress
 from erc_contact.admissible.facets import divergence
@@ -223,7 +224,12 @@ class Rebalanced:
 
 
 def rebalanced_stress(
-    model: Model, elastic: ElasticSolver, cells: CellGeometry, u: fem.Function, b: fem.Function
+    model: Model,
+    elastic: ElasticSolver,
+    cells: CellGeometry,
+    u: fem.Function,
+    b: fem.Function,
+    motions: Sequence[Motion],
 ) -> Rebalanced:
     """Compute the stress in exact discrete equilibrium with nodal forces b; collective.
 
@@ -240,10 +246,12 @@ def rebalanced_stress(
         cells: Geometry, n cells.
         u: Displacement of the contact solve [length].
         b: Nodal forces, not yet summed over ranks [force].
+        motions: What the tractions of b balance.
     """
     stress = cell_stress(model, cells, u)
+    copies = Across(model, motions) if model.domain.periodic else None
     balanced = u
-    if model.springs:
+    if model.springs or copies is not None:
         balanced = u.copy()
     missing = None
     first = None
@@ -261,10 +269,21 @@ def rebalanced_stress(
             change = elastic.solve(residual, supports=False, tolerance=tolerance)
             if missing is None:
                 missing, first = residual, change
+            if copies is not None and missing is residual:
+                forces, moved = copies.forces(elastic, added(u, change))
+                b.x.array[:] += forces.x.array
+                change = added(change, moved)
             stress = stress.plus(cell_stress(model, cells, change, change=True))
-            if model.springs:
+            if balanced is not u:
                 balanced.x.array[:] += change.x.array
     return Rebalanced(_stress_of_owners(model.space, cells, stress), balanced, missing, first)
+
+
+def added(first: fem.Function, second: fem.Function) -> fem.Function:
+    """Return the sum of two displacements [length]."""
+    total = first.copy()
+    total.x.array[:] += second.x.array
+    return total
 
 
 def _stress_of_owners(space: Space, cells: CellGeometry, stress: CellStress) -> CellStress:
