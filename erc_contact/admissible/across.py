@@ -28,7 +28,7 @@ from erc_contact.newton.linear.solver import ElasticSolver
 
 FIT_STEPS = 60
 """Limit of the steps; 5 to 30 are usual."""
-FITS = 1e-5
+FITS = 1e-4
 """Jump at the end, over the jump at the begin [-]."""
 SMALL_JUMP = 1e-11
 """Jump that is round-off of the displacement, over the greatest one [-]."""
@@ -47,12 +47,6 @@ class Across:
     def __init__(self, model: Model, motions: Sequence[Motion]) -> None:
         self._model = model
         self._sides = [contact for contact in model.contacts if contact.is_periodic]
-        shapes = []
-        for contact in self._sides:
-            side = contact.trace.here
-            jumps = [jump_of(contact, motion) for motion in motions]
-            shapes.append(np.stack(jumps) if jumps else np.zeros((0, *side.places.shape)))
-        self._shapes = np.concatenate([_flat(jumps) for jumps in shapes], axis=1)
         weights = []
         free = []
         for contact in self._sides:
@@ -62,7 +56,11 @@ class Across:
             free.append(~contact.trace.fixed(model.fixed).ravel())
         self._weight = np.concatenate(weights)
         self._free = np.concatenate(free)
-        products = self._products(self._shapes)
+        self._shapes = np.zeros((len(motions), len(self._weight)))
+        for shape, motion in zip(self._shapes, motions, strict=True):
+            shape[:] = np.concatenate([jump_of(c, motion).ravel() for c in self._sides])
+        local = (self._shapes * self._weight) @ self._shapes.T
+        products = model.space.comm.allreduce(local, MPI.SUM)
         self._inverse = np.linalg.pinv(products, rcond=ZERO_WORK, hermitian=True)
 
     def forces(self, elastic: ElasticSolver, u: fem.Function) -> tuple[fem.Function, fem.Function]:
@@ -88,7 +86,7 @@ class Across:
             if square <= max(FITS**2 * begin, small):
                 break
             step_forces = self._back(traction)
-            step = elastic.solve(step_forces, supports=False)
+            step = elastic.solve(step_forces, supports=False, tolerance=FITS / 10)
             closes = self._without_motions(self._jump(step))
             length = square / self._dot(traction, closes)
             forces.x.array[:] += length * step_forces.x.array
@@ -126,18 +124,7 @@ class Across:
         beside: np.ndarray = jump - (self._inverse @ works) @ self._shapes
         return beside
 
-    def _products(self, shapes: np.ndarray) -> np.ndarray:
-        """Return the products of the motions with each other; collective."""
-        local = (shapes * self._weight) @ shapes.T
-        total: np.ndarray = self._model.space.comm.allreduce(local, MPI.SUM)
-        return total
-
     def _dot(self, first: np.ndarray, second: np.ndarray) -> float:
         """Return the integral of a product over the sides; collective."""
         local = float((self._weight * first) @ second)
         return self._model.space.comm.allreduce(local, MPI.SUM)
-
-
-def _flat(jumps: np.ndarray) -> np.ndarray:
-    """Return jumps of motions (K, f, m, d) in rows, shape (K, f m d)."""
-    return jumps.reshape(len(jumps), -1)

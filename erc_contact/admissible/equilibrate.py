@@ -124,7 +124,8 @@ def equilibrated(
     pair = made.pair
     kept = None
     if is_own:
-        kept = with_soft_contacts(model, others, pair.tractions, made.balanced, made.bulk)
+        at_contacts = [traction for traction in pair.tractions if not traction.is_inside]
+        kept = with_soft_contacts(model, others, at_contacts, made.balanced, made.bulk)
     if kept is not None:
         # The first pair stands where the law leaves too little for the free motions
         # beside the resultants, and where the stress is not in equilibrium.
@@ -251,7 +252,7 @@ def _make_pair(
     b = load_forces(model, cells, boundary, data.force)
     balanced = rebalanced_stress(model, data.solution.stiffness, cells, u, b, motions)
     # Facets between copies of a body are inside it, and sigma^ has its own tractions there.
-    boundary -= _moments_of(model.space, _of_sides(tractions))
+    boundary -= _moments_of(model.space, _inside(tractions))
     if model.springs:
         # They pull at the displacement that is in equilibrium with their pull.
         pulled = spring_moments(model, spring_tractions(model, balanced.displacement))
@@ -270,7 +271,7 @@ def _make_pair(
     )
     bulk = axisymmetric_bulk(given) if model.space.axisymmetric else plane_bulk(given)
     tractions = _with_sides(model.space, bulk.moment, tractions)
-    of_sides = _moments_of(model.space, _of_sides(tractions))
+    of_sides = _moments_of(model.space, _inside(tractions))
     of_boundary = Given(bulk.boundary + of_sides, data.fixed, tractions)
     imbalance = proved_imbalance(model, cells, u, bulk.missing, bulk.moment, of_boundary)
     of_springs = []
@@ -316,9 +317,9 @@ def _moments_of(space: Space, tractions: Sequence[ContactTraction]) -> np.ndarra
     return total
 
 
-def _of_sides(tractions: list[ContactTraction]) -> list[ContactTraction]:
-    """Return the tractions between copies of a body."""
-    return [traction for traction in tractions if traction.contact.is_periodic]
+def _inside(tractions: list[ContactTraction]) -> list[ContactTraction]:
+    """Return the tractions between copies of a body, which are inside it."""
+    return [traction for traction in tractions if traction.is_inside]
 
 
 def _with_sides(
@@ -333,7 +334,7 @@ def _with_sides(
     """
     result = []
     for traction in tractions:
-        if traction.contact.is_periodic:
+        if traction.is_inside:
             values = tractions_of(space, moment, traction.contact.trace.here.facets)
             traction = replace(traction, values=values)
         result.append(traction)

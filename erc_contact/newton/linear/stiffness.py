@@ -126,6 +126,7 @@ class Stiffness(ElasticEquations):
         self._reduced: tuple[np.ndarray, np.ndarray] | None = None
         self._factor: Factor | Substructures | None = None
         self._matrix: PETSc.Mat | None = None
+        self._unglued: PETSc.KSP | None = None
         if self.layer.contact_size:
             groups = model.connections.groups
             self.basis = JumpBasis(groups, self.layer.numbers, self.layer.contact_size)
@@ -170,7 +171,9 @@ class Stiffness(ElasticEquations):
             schur, _ = self.reduce(a)
             # What bodies are glued to may be moved by supports.
             by_supports = glue_forces - self.glued_by @ glued_A
-            return np.linalg.solve(self.definite(a), schur @ glued_A + by_supports)
+            if self._unglued is None:
+                self._unglued = dense_factor(self.definite(a), "lu")
+            return dense_solve(self._unglued, schur @ glued_A + by_supports)
 
         u_A = together(self.model.space.comm, unglue)
         return self.expand(u_0, u_A, None)
@@ -288,10 +291,10 @@ class Stiffness(ElasticEquations):
 
     def free(self) -> None:
         """Free the factor; a later solve makes it again."""
-        for made in (self._factor, self._matrix):
+        for made in (self._factor, self._matrix, self._unglued):
             if made is not None:
                 made.destroy()
-        self._factor = self._matrix = None
+        self._factor = self._matrix = self._unglued = None
 
     def make(self) -> None:
         """Make the factor, if there is none; collective."""
