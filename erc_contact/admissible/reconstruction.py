@@ -11,6 +11,7 @@ from dolfinx import fem
 from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.elastic import CellStress
 from erc_contact.admissible.facets import equilibrated_moments
+from erc_contact.admissible.tighten.iteration import SharedMoments
 from erc_contact.model.model import Model
 from namedmesh.simplex import mass
 
@@ -70,7 +71,10 @@ class Reconstruction:
         boundary = around.images.moments(self.boundary)
         of_facets = (boundary, around.images.of_facets(fixed))
         moment = equilibrated_moments(around, stress, body, *of_facets, complete)
-        return around.images.repeat(moment)
+        if model.domain.periodic:
+            # A rank may lack the patches at one side of a pair of facets.
+            moment = SharedMoments(model.space, around).agreed(moment)
+        return moment
 
 
 class BulkStress(NamedTuple):

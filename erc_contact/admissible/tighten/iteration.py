@@ -226,6 +226,15 @@ class SharedMoments:
             values[self.shared] = summed
         return self._cells.images.repeat(values)
 
+    def agreed(self, moment: np.ndarray) -> np.ndarray:
+        """Return moments as the rank has them that counts a facet; collective.
+
+        Those of repeated facets follow.
+        """
+        of_all = np.zeros_like(moment)
+        of_all[self.counted] = moment[self.counted]
+        return self.total(of_all)
+
     def dot(self, a: np.ndarray, b: np.ndarray) -> float:
         """Compute the scalar product over the owned facets of all ranks; collective."""
         counted = self.counted
