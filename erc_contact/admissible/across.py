@@ -22,7 +22,6 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from erc_contact.admissible.balance_parts import Motion, jump_of
-from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.model import Model
 from erc_contact.newton.linear.solver import ElasticSolver
 

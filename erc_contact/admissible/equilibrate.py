@@ -251,7 +251,7 @@ def _make_pair(
     boundary = _boundary(data, tractions)
     b = load_forces(model, cells, boundary, data.force)
     balanced = rebalanced_stress(model, data.solution.stiffness, cells, u, b, motions)
-    # Facets between copies of a body are inside it, and sigma^ has its own tractions there.
+    # Facets between copies are inside the body: sigma^ has tractions of its own there.
     boundary -= _moments_of(model.space, _inside(tractions))
     if model.springs:
         # They pull at the displacement that is in equilibrium with their pull.
@@ -334,10 +334,10 @@ def _with_sides(
     """
     result = []
     for traction in tractions:
+        values = traction.values
         if traction.is_inside:
             values = tractions_of(space, moment, traction.contact.trace.here.facets)
-            traction = replace(traction, values=values)
-        result.append(traction)
+        result.append(replace(traction, values=values))
     return result
 
 

@@ -31,10 +31,6 @@ class NoImages:
         self.more_nodes = 0
         self.repeated = np.empty(0, dtype=np.int64)
 
-    def scalars(self, values: np.ndarray) -> np.ndarray:
-        """Add images to numbers at the nodes of cells, shape (n, N or 1)."""
-        return values
-
     def vectors(self, values: np.ndarray) -> np.ndarray:
         """Add images to vectors at the nodes of cells, shape (n, N or 1, d)."""
         return values
@@ -52,10 +48,6 @@ class NoImages:
 
     def of_facets(self, values: np.ndarray) -> np.ndarray:
         """Add images to what facets have in any frame, shape (F, ...)."""
-        return values
-
-    def of_facet_nodes(self, values: np.ndarray) -> np.ndarray:
-        """Add images to what nodes of facets have in any frame, shape (F, m)."""
         return values
 
     def moments(self, values: np.ndarray) -> np.ndarray:
@@ -109,13 +101,10 @@ class FacetImages(NamedTuple):
     order: np.ndarray
     turn: np.ndarray
 
-    def at_nodes(self, values: np.ndarray) -> np.ndarray:
-        """Return what nodes have, (F, m, ...), at the nodes of the images, (r, m, ...)."""
-        return np.take_along_axis(values[self.source], self.order, axis=1)
-
     def moments(self, values: np.ndarray) -> np.ndarray:
         """Return the moments of the images from the moments (F, m, d) of all facets."""
-        return np.matmul(self.at_nodes(values), self.turn.swapaxes(1, 2))
+        in_order = np.take_along_axis(values[self.source], self.order, axis=1)
+        return np.matmul(in_order, self.turn.swapaxes(1, 2))
 
 
 class CellImages(NamedTuple):
@@ -132,7 +121,7 @@ class CellImages(NamedTuple):
     order: np.ndarray
 
     def at_nodes(self, values: np.ndarray) -> np.ndarray:
-        """Return what nodes have, or what each cell has, (n, N or 1, ...), at images."""
+        """Return what nodes or cells have, (n, N or 1, ...), at the images."""
         of_source = values[self.source]
         count = values.shape[1]
         if count == 1:
@@ -192,10 +181,6 @@ class Images(NoImages):
         self.repeated = np.append(firsts.source, of_images)
         self._centres = centres
 
-    def scalars(self, values: np.ndarray) -> np.ndarray:
-        """Add images to numbers, see :meth:`NoImages.scalars`."""
-        return np.concatenate([values, self._of_cells.at_nodes(values)])
-
     def vectors(self, values: np.ndarray) -> np.ndarray:
         """Add images to vectors, see :meth:`NoImages.vectors`."""
         turned = np.matmul(self._of_cells.at_nodes(values), self._of_cells.turn.swapaxes(1, 2))
@@ -223,10 +208,6 @@ class Images(NoImages):
         """Add images to what facets have, see :meth:`NoImages.of_facets`."""
         return np.concatenate([values, values[self._of_facets.source]])
 
-    def of_facet_nodes(self, values: np.ndarray) -> np.ndarray:
-        """Add images to what nodes have, see :meth:`NoImages.of_facet_nodes`."""
-        return np.concatenate([values, self._of_facets.at_nodes(values[..., None])[..., 0]])
-
     def moments(self, values: np.ndarray) -> np.ndarray:
         """Add images to moments, see :meth:`NoImages.moments`."""
         return np.concatenate([values, self._of_facets.moments(values)])
@@ -240,7 +221,9 @@ class Images(NoImages):
     def fold(self, values: np.ndarray) -> None:
         """Add what repeated facets have, see :meth:`NoImages.fold`."""
         of_images = np.matmul(values[self._facets :], self._of_facets.turn)
-        np.add.at(values, (self._of_facets.source[:, None], self._of_facets.order[..., 0]), of_images)
+        np.add.at(
+            values, (self._of_facets.source[:, None], self._of_facets.order[..., 0]), of_images
+        )
         values[self._seconds.source] += self._firsts.moments(values)
         values[self.repeated] = 0.0
 
@@ -258,7 +241,7 @@ def _mandel_turns(turn: np.ndarray, size: int) -> np.ndarray:
 
     Args:
         turn: R, shape (i, d, d).
-        size: Number of components; of rings a hoop stress, which stays, is the last one.
+        size: Number of components; a hoop stress, which stays, is the last of rings.
 
     Returns:
         Shape (i, size, size).

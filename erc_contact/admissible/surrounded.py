@@ -9,20 +9,21 @@ traction is the image of the traction on the other side,
 and a patch around a node on a side goes on in the next copies: in two of them, in the
 four or eight that meet at a corner, and in all sectors around a node on their axis.
 
-So a rank gets images of cells as it has ghosts: all images around the nodes of its own
+So a rank has images of cells as it has ghosts: all of them around the nodes of its own
 cells. It has the cells themselves, because a node counts as its images when cells are
-distributed (:mod:`namedmesh.periodic`). What is known of cells and facets is known of
-images, turned. Their patches are the work of the body: each side has the whole patches
-at its own nodes, so that only values travel.
+distributed (:mod:`namedmesh.periodic`). Patches are made of cells and images alike. Of
+patches that are images of each other one is solved, and what it gives to images of
+facets is added to the facets.
 
-Symbols: n cells with images, F facets with images, m moments of a facet, d dimension;
-a motion h has a number, the identity 0. A relation is a row (v, w, h) of nodes v and w
-with ``x_v = h(x_w)``.
+Symbols: n images, m moments of a facet, d dimension; a motion h has a number, the
+identity 0. A relation is a row (v, w, h) of nodes v and w with ``x_v = h(x_w)``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
+
 import numpy as np
 
 from erc_contact.admissible.cells import CellGeometry, shapes_of_cells
@@ -42,6 +43,14 @@ from namedmesh.simplex import (
 
 SAME_MOTION = 1e-6
 """Difference of two motions that counts as none, over the extent of the body [-]."""
+
+
+class _Pair(NamedTuple):
+    """Hold a pair of sides: its contact, R and t [length]."""
+
+    trace: Trace
+    turn: np.ndarray
+    shift: np.ndarray
 
 
 class _Motions:
@@ -95,15 +104,16 @@ def surrounded(model: Model, cells: CellGeometry) -> CellGeometry:
     for declared, contact in zip(model.scene.contacts, model.contacts, strict=True):
         pair = pair_of(model.space, declared)
         if pair is not None:
-            pairs.append((contact.trace, np.array(pair.rotation), np.array(pair.shift)))
+            pairs.append(_Pair(contact.trace, np.array(pair.rotation), np.array(pair.shift)))
     if not pairs:
         return cells
     motions = _Motions(cells.d, model.domain.extent)
-    relations = _relations([trace for trace, *_ in pairs], [pair[1:] for pair in pairs], motions)
+    relations = _relations(pairs, motions)
     of_owned = np.unique(cells.vertices[: model.domain.owned_cells])
     source, motion = _images_at(cells, relations[np.isin(relations[:, 0], of_owned)])
     count = len(model.fixed)
     nodes = _nodes_of_images(cells.nodes[source], motion, relations, motions, count)
+    # Nodes of images are sorted by their own numbers.
     order = np.argsort(nodes[:, : cells.d + 1], axis=1)
     ends = order[:, node_vertices(cells.d, cells.degree)]
     reordered = node_between(cells.d, cells.degree)[ends[..., 0], ends[..., 1]]
@@ -117,7 +127,7 @@ def surrounded(model: Model, cells: CellGeometry) -> CellGeometry:
     centres = _centres(model.space, cells, pairs, relations, count + more_nodes)
     counts = (len(cells.nodes), cells.side.shape[1])
     of_facets = _images_of_facets(cells, images, side[0, counts[1] :])
-    facing = _facing([(trace, turn) for trace, turn, _ in pairs], cells)
+    facing = _facing(model.space, cells, pairs)
     shapes = zip((cells.J, cells.volume, cells.area), shapes_of_cells(corners), strict=True)
     J, volume, area = (np.concatenate(both) for both in shapes)
     return CellGeometry(
@@ -134,20 +144,15 @@ def surrounded(model: Model, cells: CellGeometry) -> CellGeometry:
     )
 
 
-def _relations(
-    traces: Sequence[Trace],
-    steps: Sequence[tuple[np.ndarray, np.ndarray]],
-    motions: _Motions,
-) -> np.ndarray:
-    """Return which nodes are images of which, shape (n, 3), in order of the second one.
+def _relations(pairs: Sequence[_Pair], motions: _Motions) -> np.ndarray:
+    """Return all relations of the nodes of sides, shape (r, 3).
 
     Args:
-        traces: The contacts of the pairs of sides.
-        steps: R and t of the motion of each, from the first to the second side.
+        pairs: The pairs of sides.
         motions: Gets the motions.
     """
     single = []
-    for trace, (turn, shift) in zip(traces, steps, strict=True):
+    for trace, turn, shift in pairs:
         here, there = trace.here.nodes.ravel(), trace.partners.ravel()
         forth = np.full(len(here), motions.number(turn, shift))
         back = np.full(len(here), motions.number(turn.T, -turn.T @ shift))
@@ -157,9 +162,7 @@ def _relations(
     while len(newest):
         row, after = _joined(newest[:, 1], first[:, 0])
         motion = motions.after(newest[row, 2], first[after, 2])
-        further = np.unique(
-            np.column_stack([newest[row, 0], first[after, 1], motion]), axis=0
-        )
+        further = np.unique(np.column_stack([newest[row, 0], first[after, 1], motion]), axis=0)
         is_itself = (further[:, 0] == further[:, 1]) & (further[:, 2] == 0)
         further = further[~is_itself]
         both, times = np.unique(np.concatenate([every, every, further]), axis=0, return_counts=True)
@@ -173,14 +176,13 @@ def _images_at(cells: CellGeometry, relations: np.ndarray) -> tuple[np.ndarray, 
 
     Args:
         cells: Geometry.
-        relations: All relations of these nodes, shape (r, 3).
+        relations: All relations (v, w, h) of these nodes v, shape (r, 3).
     """
     vertices = cells.vertices.ravel()
     places = np.flatnonzero(np.isin(vertices, relations[:, 1]))
     row, place = _joined(relations[:, 1], vertices[places])
     pairs = np.column_stack([places[place] // (cells.d + 1), relations[row, 2]])
-    # An image of a body of one cell may be the cell itself, in place.
-    source, motion = np.unique(pairs[pairs[:, 1] != 0], axis=0).T
+    source, motion = np.unique(pairs, axis=0).T
     return source, motion
 
 
@@ -288,17 +290,18 @@ def _images_of_facets(cells: CellGeometry, images: CellImages, place: np.ndarray
 
 
 def _facing(
-    pairs: Sequence[tuple[Trace, np.ndarray]], cells: CellGeometry
+    space: Space, cells: CellGeometry, pairs: Sequence[_Pair]
 ) -> tuple[FacetImages, FacetImages]:
     """Return first sides as images of second sides, and second ones of first ones.
 
     Args:
-        pairs: The contact and R of each pair of sides.
+        space: The mesh.
         cells: Geometry of the body.
+        pairs: The pairs of sides.
     """
     parts = []
-    for trace, turn in pairs:
-        here, there = (_numbers(cells, side.facets) for side in (trace.here, trace.there))
+    for trace, turn, _ in pairs:
+        here, there = (space.facet_numbers(side.facets) for side in (trace.here, trace.there))
         of_here, of_there = (_nodes_of(cells, facets) for facets in (here, there))
         sorting = _places_among(of_here, trace.here.nodes)[..., 0]
         facing = np.take_along_axis(trace.partners, sorting, axis=1)
@@ -314,7 +317,7 @@ def _facing(
 def _centres(
     space: Space,
     cells: CellGeometry,
-    pairs: Sequence[tuple[Trace, np.ndarray, np.ndarray]],
+    pairs: Sequence[_Pair],
     relations: np.ndarray,
     count: int,
 ) -> Centres:
@@ -326,7 +329,7 @@ def _centres(
     Args:
         space: The mesh.
         cells: Geometry of the body.
-        pairs: The contact and motion of each pair of sides.
+        pairs: The pairs of sides.
         relations: All relations, shape (r, 3).
         count: Number of the nodes, with nodes of images alone.
     """
@@ -349,13 +352,6 @@ def _centres(
     least = components(len(rows), rank.reshape(2, -1).T)
     repeated = rows[by_number[least != np.arange(len(rows))]]
     return centres._replace(repeated=centres.key(repeated))
-
-
-def _numbers(cells: CellGeometry, sides: np.ndarray) -> np.ndarray:
-    """Return the numbers of facets (cell, local facet) in DOLFINx's order, (n,)."""
-    cell, local = sides.T
-    place = (cells.order[cell] == local[:, None]).argmax(axis=1)
-    return cells.facets[cell, place]
 
 
 def _nodes_of(cells: CellGeometry, facets: np.ndarray) -> np.ndarray:

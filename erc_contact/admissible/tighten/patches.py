@@ -143,8 +143,7 @@ def _turns_about(cells: CellGeometry, ring: np.ndarray, size: np.ndarray) -> np.
     d = cells.d
     facet, j = np.divmod(ring[np.cumsum(size) - size] // 2, d)
     centres = cells.vertices_of_facets[facet[:, None], facet_vertices(d - 1)[j]]
-    turns: np.ndarray = cells.images.turns_about(centres)
-    return turns
+    return np.asarray(cells.images.turns_about(centres))
 
 
 @cache
