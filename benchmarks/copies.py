@@ -272,8 +272,9 @@ def measured(case: Case, degree: int) -> dict[str, float]:
 def beside_copies(case: Case, degree: int) -> dict[str, float]:
     """Compare a sector with the body whose mesh is its copies.
 
-    At the sides r^ is the multiplier, elsewhere it is chosen for sigma^. So e differs,
-    and at a contact, where r^ chooses what is closed, u^ does a little.
+    sigma^ knows no sides. So e is the same, as far as tightening ends after as many
+    iterations, and where a contact keeps its resultants, which a sector has and the
+    whole has not. At a contact, where r^ chooses what is closed, u^ differs a little.
     """
     assert case.whole is not None
     method = ec.AugmentedLagrangian()

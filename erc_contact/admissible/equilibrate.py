@@ -40,6 +40,7 @@ from erc_contact.admissible.rebalance import (
     rebalanced_stress,
 )
 from erc_contact.admissible.reconstruction import Reconstruction
+from erc_contact.admissible.shared_moments import SharedMoments
 from erc_contact.admissible.soft_contacts import with_soft_contacts
 from erc_contact.admissible.springs import (
     chosen_tractions,
@@ -48,7 +49,7 @@ from erc_contact.admissible.springs import (
     supported_components,
 )
 from erc_contact.admissible.surrounded import surrounded
-from erc_contact.admissible.tighten.iteration import TIGHTEN, SharedMoments
+from erc_contact.admissible.tighten.iteration import TIGHTEN
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.exceptions import NotBalanced
 from erc_contact.model.space import Space
@@ -109,7 +110,7 @@ def equilibrated(
     loads = load_moments(model, cells)
     fixed = supported_components(model, cells)
     force, relief = balanced_forces(model, cells, loads, fixed, force)
-    data = _Data(solution, cells, force, relief, loads, fixed)
+    data = _Data(solution, cells, surrounded(model, cells), force, relief, loads, fixed)
     bolts = _forces_of_bolts(solution)
     others = other_forces(model, cells, loads, fixed, force, solution.u, bolts)
     try:
@@ -124,7 +125,7 @@ def equilibrated(
     pair = made.pair
     kept = None
     if is_own:
-        at_contacts = [traction for traction in pair.tractions if not traction.is_inside]
+        at_contacts = [r for r in pair.tractions if not r.contact.is_periodic]
         kept = with_soft_contacts(model, others, at_contacts, made.balanced, made.bulk)
     if kept is not None:
         # The first pair stands where the law leaves too little for the free motions
@@ -195,6 +196,7 @@ class _Data:
     Attributes:
         solution: The state.
         cells: Geometry, n cells.
+        around: The same with images of cells around them.
         force: Body force times volume of each cell [force], or None.
         relief: What it has more than the loads [force/volume], or None.
         loads: Moments of the loads on all facets [force], shape (facets, m, d).
@@ -203,6 +205,7 @@ class _Data:
 
     solution: Solution
     cells: CellGeometry
+    around: CellGeometry
     force: np.ndarray | None
     relief: np.ndarray | None
     loads: np.ndarray
@@ -260,7 +263,7 @@ def _make_pair(
     given = Reconstruction(
         model=model,
         cells=cells,
-        around=surrounded(model, cells),
+        around=data.around,
         displacement=u_hat,
         balanced=balanced.stress,
         force=data.force,
@@ -319,7 +322,7 @@ def _moments_of(space: Space, tractions: Sequence[ContactTraction]) -> np.ndarra
 
 def _inside(tractions: list[ContactTraction]) -> list[ContactTraction]:
     """Return the tractions between copies of a body, which are inside it."""
-    return [traction for traction in tractions if traction.is_inside]
+    return [traction for traction in tractions if traction.contact.is_periodic]
 
 
 def _with_sides(
@@ -335,7 +338,7 @@ def _with_sides(
     result = []
     for traction in tractions:
         values = traction.values
-        if traction.is_inside:
+        if traction.contact.is_periodic:
             values = tractions_of(space, moment, traction.contact.trace.here.facets)
         result.append(replace(traction, values=values))
     return result

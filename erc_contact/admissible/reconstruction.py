@@ -11,7 +11,7 @@ from dolfinx import fem
 from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.elastic import CellStress
 from erc_contact.admissible.facets import equilibrated_moments
-from erc_contact.admissible.tighten.iteration import SharedMoments
+from erc_contact.admissible.shared_moments import SharedMoments
 from erc_contact.model.model import Model
 from namedmesh.simplex import mass
 

@@ -39,11 +39,6 @@ class ContactTraction:
     friction_bound: np.ndarray
 
     @property
-    def is_inside(self) -> bool:
-        """Tell whether it is a traction inside the body of all copies."""
-        return self.contact.is_periodic
-
-    @property
     def normal_component(self) -> np.ndarray:
         """Return the normal components of the coefficients, shape (n, m) [force/area].
 

@@ -40,6 +40,7 @@ import numpy as np
 
 from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.kernels import kernels
+from erc_contact.admissible.shared_moments import global_numbers
 from erc_contact.admissible.tighten.tables import stress_map, upper_entries
 from erc_contact.model.space import Space
 from namedmesh.simplex import facet_vertices, nodes
@@ -159,20 +160,6 @@ def _facet_pair(d: int) -> np.ndarray:
     unit = stress_map(d, 1)[:, :, [d, d - 1]].reshape(d * (d + 1) // 2, -1, 2 * d * d)
     products = upper_entries(np.einsum("aqx,bqy->xyab", unit, unit))
     return np.ascontiguousarray(products[np.tril_indices(2 * d * d)])
-
-
-def global_numbers(space: Space, cells: CellGeometry, nodes: np.ndarray) -> np.ndarray:
-    """Return global numbers of nodes, -1 of nodes that images of cells alone have.
-
-    No rank owns a node of images, and so no centre with one.
-    """
-    if not cells.images.more_nodes:
-        return space.global_numbers(nodes)
-    count = space.V.dofmap.index_map.size_local + space.V.dofmap.index_map.num_ghosts
-    numbers = np.full(count + cells.images.more_nodes, -1)
-    numbers[:count] = space.global_numbers(np.arange(count))
-    of_nodes: np.ndarray = numbers[nodes]
-    return of_nodes
 
 
 def rings(space: Space, cells: CellGeometry) -> tuple[np.ndarray, np.ndarray]:
