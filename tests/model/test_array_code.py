@@ -96,3 +96,27 @@ def test_the_code_of_a_law_has_one_name(part, monkeypatch):
         code = point_law.LawCode(law, law.parameters, {}, True, [0, 1, 2, 3], MPI.COMM_SELF)
         names.add(compute_signature([(getattr(code, part), np.array([[0.5]]))], ""))
     assert len(names) == 1
+
+
+def test_equal_laws_have_one_code():
+    """Each step of a history may make its material anew; a new array is another law."""
+
+    def code_of(potential):
+        return point_law.law_code(potential, ["E"], {}, True, [0, 1, 2, 3], MPI.COMM_SELF)
+
+    def curve(last):
+        return ec.HardeningCurve([0.0, 0.1], [0.01, last])
+
+    first = code_of(ec.Plastic(1.0, 0.3, hardening=curve(0.02)))
+    assert code_of(ec.Plastic(1.0, 0.3, hardening=curve(0.02))) is first
+    assert code_of(ec.Plastic(1.0, 0.3, hardening=curve(0.03))) is not first
+
+    class Weighted(ec.Potential):
+        pass
+
+    law = Weighted()
+    law.weights = np.array([1.0])
+    second = code_of(law)
+    assert code_of(law) is second
+    law.weights = np.array([1.0])
+    assert code_of(law) is not second

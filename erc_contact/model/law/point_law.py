@@ -11,10 +11,10 @@ Symbols: s number of components that the body has, n cells, q points of a cell.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from copy import copy
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import ufl
@@ -146,11 +146,11 @@ class LawCode:
             self._values[name] = compiled.constant(points, value)
 
     def is_of(self, potential: Potential) -> bool:
-        """Tell whether a law is the same object, with the same attributes as before."""
+        """Tell whether a law is of the same class, with equal attributes as before."""
         now = getattr(potential, "__dict__", {})
-        if self.potential is not potential or now.keys() != self._attributes.keys():
+        if type(self.potential) is not type(potential) or now.keys() != self._attributes.keys():
             return False
-        return all(now[name] is value for name, value in self._attributes.items())
+        return all(_are_equal(now[name], value) for name, value in self._attributes.items())
 
     @cached_property
     def energy(self) -> OfNumbers:
@@ -206,6 +206,16 @@ class LawCode:
         """Compile an expression of numbers at points; collective."""
         plain = without_variables(without_derivatives(expression))
         return OfNumbers(plain, self._comm, is_matrix=True)
+
+
+def _are_equal(value: Any, before: Any) -> bool:
+    """Tell whether an attribute of a law has the value that it had before.
+
+    An array or a dictionary may have changed in place, so it must be the same object.
+    """
+    if value is before:
+        return True
+    return type(value) is type(before) and isinstance(value, Hashable) and bool(value == before)
 
 
 _recent: deque[LawCode] = deque(maxlen=8)
