@@ -129,6 +129,7 @@ def pressed_noses(d, domain, *, stiff=1.0, push=0.0, friction=0.2, method=METHOD
     return certified(scene, domain, method=method, **options)
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("ring-2", "3-1")
 @pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), ("ring", 1), ("ring", 2), (3, 1)])
 def test_mirror_images_have_no_shear(d, degree):
@@ -207,6 +208,7 @@ def test_gap_of_round_bodies_is_the_distance_of_their_surfaces(degree):
 # ---------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 @pytest.mark.pairs
 @pytest.mark.on_ranks("2-1-0.3-Nitsche", "3-2--0.02-Nitsche")
 @pytest.mark.parametrize("method", METHODS[::3], ids=["Nitsche", "multiplier"])
