@@ -100,9 +100,7 @@ class Across:
         jumps = []
         for contact in self._sides:
             jump = contact.trace.of(u.x.array)
-            if given and contact.moved is not None:
-                jump = jump - contact.trace.of(contact.moved.x.array)
-            jumps.append(jump.ravel())
+            jumps.append((jump - given * contact.given_jump).ravel())
         return np.where(self._free, np.concatenate(jumps), 0.0)
 
     def _back(self, traction: np.ndarray) -> fem.Function:

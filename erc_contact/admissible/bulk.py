@@ -8,6 +8,7 @@ import numpy as np
 
 from erc_contact.admissible.cells import force_coefficients, moments_of_cells
 from erc_contact.admissible.elastic import elastic_coefficients, macro_moduli
+from erc_contact.admissible.images import NoImages
 from erc_contact.admissible.macro import macro_stress
 from erc_contact.admissible.reconstruction import BulkStress, Reconstruction
 from erc_contact.admissible.tighten.complementary import relax
@@ -17,21 +18,21 @@ from erc_contact.admissible.unbalanced import unbalanced_cells
 from erc_contact.model.model import Model
 
 
-def _turning(model: Model, count: int) -> np.ndarray | None:
+def _turning(model: Model, images: NoImages) -> np.ndarray | None:
     """Number the loose faces that turn freely on their facets, see :class:`.Patches`.
 
     Args:
         model: The scene on a mesh.
-        count: Number of facets on this rank.
+        images: What images of facets have.
     """
     d = model.space.d
     faces = [face for face in model.loose_faces if face.free[d:].any()]
     if not faces:
         return None
-    turning = np.zeros(count, dtype=np.int32)
+    turning = np.zeros(model.space.facet_count, dtype=np.int32)
     for number, face in enumerate(faces, start=1):
         turning[model.space.facet_numbers(face.facets)] = number
-    return turning
+    return images.of_facets(turning)
 
 
 def plane_bulk(given: Reconstruction) -> BulkStress:
@@ -55,9 +56,7 @@ def plane_bulk(given: Reconstruction) -> BulkStress:
 
     around = given.around
     free = around.has_second[:, None] | around.images.of_facets(given.fixed)
-    turning = _turning(model, len(given.fixed))
-    if turning is not None:
-        turning = around.images.of_facets(turning)
+    turning = _turning(model, around.images)
 
     def tighten(moment: np.ndarray, law: CellLaw, ending: Ending) -> Tight:
         of_law = law.elastic, around.images.matrices(law.compliance)

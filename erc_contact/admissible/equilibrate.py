@@ -255,7 +255,8 @@ def _make_pair(
     b = load_forces(model, cells, boundary, data.force)
     balanced = rebalanced_stress(model, data.solution.stiffness, cells, u, b, motions)
     # Facets between copies are inside the body: sigma^ has tractions of its own there.
-    boundary -= _moments_of(model.space, _inside(tractions))
+    inside = [traction for traction in tractions if traction.contact.is_periodic]
+    boundary -= _moments_of(model.space, inside)
     if model.springs:
         # They pull at the displacement that is in equilibrium with their pull.
         pulled = spring_moments(model, spring_tractions(model, balanced.displacement))
@@ -273,8 +274,12 @@ def _make_pair(
         correction=None if near is None else near.correction,
     )
     bulk = axisymmetric_bulk(given) if model.space.axisymmetric else plane_bulk(given)
-    tractions = _with_sides(model.space, bulk.moment, tractions)
-    of_sides = _moments_of(model.space, _inside(tractions))
+    chosen = {}
+    for traction in inside:
+        values = tractions_of(model.space, bulk.moment, traction.contact.trace.here.facets)
+        chosen[traction.contact.name] = replace(traction, values=values)
+    tractions = [chosen.get(traction.contact.name, traction) for traction in tractions]
+    of_sides = _moments_of(model.space, list(chosen.values()))
     of_boundary = Given(bulk.boundary + of_sides, data.fixed, tractions)
     imbalance = proved_imbalance(model, cells, u, bulk.missing, bulk.moment, of_boundary)
     of_springs = []
@@ -318,30 +323,6 @@ def _moments_of(space: Space, tractions: Sequence[ContactTraction]) -> np.ndarra
         # Action and reaction: on the other body acts the opposite traction.
         add_moments(space, total, trace.there.facets, -trace.on_there(of_contact))
     return total
-
-
-def _inside(tractions: list[ContactTraction]) -> list[ContactTraction]:
-    """Return the tractions between copies of a body, which are inside it."""
-    return [traction for traction in tractions if traction.contact.is_periodic]
-
-
-def _with_sides(
-    space: Space, moment: np.ndarray, tractions: list[ContactTraction]
-) -> list[ContactTraction]:
-    """Return tractions with the tractions of sigma^ on the sides of copies.
-
-    Args:
-        space: The mesh.
-        moment: Moments of all facets [force], shape (facets, m, d).
-        tractions: r^ on each contact.
-    """
-    result = []
-    for traction in tractions:
-        values = traction.values
-        if traction.contact.is_periodic:
-            values = tractions_of(space, moment, traction.contact.trace.here.facets)
-        result.append(replace(traction, values=values))
-    return result
 
 
 def _of_owners(

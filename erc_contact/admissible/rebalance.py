@@ -238,7 +238,7 @@ def rebalanced_stress(
     the contact solve. If displacements are large compared to the strains, as in a body
     that slides far, their round-off is not small compared to the forces, and another
     solve follows. A scene without contact, whose loads do not vary in space, needs
-    none.
+    none. Between copies of a body b gets the forces by which what moves fits.
 
     Args:
         model: The scene on a mesh.
@@ -249,9 +249,8 @@ def rebalanced_stress(
         motions: What the tractions of b balance.
     """
     stress = cell_stress(model, cells, u)
-    copies = Across(model, motions) if model.domain.periodic else None
     balanced = u
-    if model.springs or copies is not None:
+    if model.springs:
         balanced = u.copy()
     missing = None
     first = None
@@ -269,18 +268,17 @@ def rebalanced_stress(
             change = elastic.solve(residual, supports=False, tolerance=tolerance)
             if missing is None:
                 missing, first = residual, change
-            if copies is not None and missing is residual:
-                forces, moved = copies.forces(elastic, added(u, change))
-                b.x.array[:] += forces.x.array
-                change = added(change, moved)
+                if model.domain.periodic:
+                    between, moved = Across(model, motions).forces(elastic, _sum(u, change))
+                    b, change = _sum(b, between), _sum(change, moved)
             stress = stress.plus(cell_stress(model, cells, change, change=True))
-            if balanced is not u:
+            if model.springs:
                 balanced.x.array[:] += change.x.array
     return Rebalanced(_stress_of_owners(model.space, cells, stress), balanced, missing, first)
 
 
-def added(first: fem.Function, second: fem.Function) -> fem.Function:
-    """Return the sum of two displacements [length]."""
+def _sum(first: fem.Function, second: fem.Function) -> fem.Function:
+    """Return the sum of two displacements, or of two vectors of nodal forces."""
     total = first.copy()
     total.x.array[:] += second.x.array
     return total

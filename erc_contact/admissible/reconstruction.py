@@ -71,7 +71,7 @@ class Reconstruction:
         boundary = around.images.moments(self.boundary)
         of_facets = (boundary, around.images.of_facets(fixed))
         moment = equilibrated_moments(around, stress, body, *of_facets, complete)
-        if model.domain.periodic:
+        if around is not cells:
             # A rank may lack the patches at one side of a pair of facets.
             moment = SharedMoments(model.space, around).agreed(moment)
         return moment
