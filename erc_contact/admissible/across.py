@@ -27,7 +27,7 @@ from erc_contact.newton.linear.solver import ElasticSolver
 
 FIT_STEPS = 60
 """Limit of the steps; 5 to 30 are usual."""
-FITS = 1e-4
+FITS = 1e-5
 """Jump at the end, over the jump at the begin [-]."""
 SMALL_JUMP = 1e-11
 """Jump that is round-off of the displacement, over the greatest one [-]."""

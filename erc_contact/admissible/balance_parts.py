@@ -24,7 +24,7 @@ SMALL_PRESSURE = 0.01
 """Traction of a facet that presses little, over the largest one of its contact [-]."""
 SAME_MOTION = 1e-6
 """Jump of a motion that is round-off, over its largest one [-]."""
-GIVE_OF_SIDES = 1e4
+GIVE_OF_SIDES = 1e6
 """How much more than others the tractions between copies of a body change [-]."""
 ACCEPTED_IMBALANCE = 1e-8
 """Imbalance that counts as none, over the forces [-].
