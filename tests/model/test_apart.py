@@ -26,7 +26,8 @@ from test_two_bodies import METHODS
 
 import erc_contact as ec
 from erc_contact.admissible.below import excess_over_gap, gap_limits
-from erc_contact.model.contact.trace import Side, Trace
+from erc_contact.model.contact.side import Side
+from erc_contact.model.contact.trace import Trace
 from erc_contact.model.promises import bind
 from erc_contact.output.gathered import whole_contacts
 from erc_contact.output.verdict import of_gaps
