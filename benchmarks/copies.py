@@ -272,9 +272,10 @@ def measured(case: Case, degree: int) -> dict[str, float]:
 def beside_copies(case: Case, degree: int) -> dict[str, float]:
     """Compare a sector with the body whose mesh is its copies.
 
-    sigma^ knows no sides. So e is the same, as far as tightening ends after as many
-    iterations, and where a contact keeps its resultants, which a sector has and the
-    whole has not. At a contact, where r^ chooses what is closed, u^ differs a little.
+    sigma^ knows no sides. So e is the same, if tightening ends after as many iterations
+    and the tractions of contacts are the same: at nodes of a contact and of both sides
+    the method has other multipliers. There, where r^ chooses what is closed, u^ differs
+    a little.
     """
     assert case.whole is not None
     method = ec.AugmentedLagrangian()

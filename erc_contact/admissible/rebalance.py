@@ -266,11 +266,11 @@ def rebalanced_stress(
                 break
             tolerance = max(SOLVE_SHARE * FORCE_ROUND_OFF / size, np.finfo(float).eps)
             change = elastic.solve(residual, supports=False, tolerance=tolerance)
+            if missing is None and model.domain.periodic:
+                between, moved = Across(model, motions).forces(elastic, _sum(u, change))
+                b, change = _sum(b, between), _sum(change, moved)
             if missing is None:
                 missing, first = residual, change
-                if model.domain.periodic:
-                    between, moved = Across(model, motions).forces(elastic, _sum(u, change))
-                    b, change = _sum(b, between), _sum(change, moved)
             stress = stress.plus(cell_stress(model, cells, change, change=True))
             if model.springs:
                 balanced.x.array[:] += change.x.array

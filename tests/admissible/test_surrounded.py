@@ -1,10 +1,10 @@
 """Images of cells around the sides of copies: sigma^ knows no sides.
 
 Properties: all facets of the cells of a rank are between two cells, also at corners of
-several pairs, and images lie beside the cells; a matrix of the material turns as
-stresses do; e of a cell is e of two cells, also where a cell of the mesh is as wide as
-the body; a given mean stress is the mean of sigma^; ranks change nothing, also where the
-body yields. Sectors: tests/model/test_periodic.py.
+several pairs, and images lie beside the cells; works fold as moments repeat; a matrix of
+the material turns as stresses do; e of a cell is e of two cells, also where a cell of
+the mesh is as wide as the body; a given mean stress is the mean of sigma^; ranks change
+nothing, also where the body yields. Sectors: tests/model/test_periodic.py.
 """
 
 import numpy as np
@@ -63,6 +63,13 @@ def test_no_cell_is_at_a_side(cells):
     of_facets = corners[inside].reshape(-1, d, d)
     assert np.allclose(of_facets[first], of_facets[second], rtol=0, atol=1e-14)
     assert np.array_equal(around.volume[: len(own.volume)], own.volume)
+    # Conjugate gradients need that works fold as moments repeat.
+    rng = np.random.default_rng(1)
+    work, moment = rng.normal(size=(2, around.side.shape[1], d, d))
+    folded = work.copy()
+    around.images.fold(folded)
+    repeated = around.images.repeat(moment.copy())
+    assert np.isclose((work * repeated).sum(), (folded * moment).sum(), rtol=0, atol=1e-11)
 
 
 @pytest.mark.serial
