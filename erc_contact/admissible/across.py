@@ -5,12 +5,12 @@ each other: opposite forces on both sides close the jump that opens there,
 
     B (u + K^+ B^T W t) = J,    W t the forces of tractions t.
 
-Conjugate gradients find t, with an elastic solve a step. Any t does no work on a jump
-that is free: tractions keep their resultants where a mean stress gives them, and the
-balance on rigid motions. So the forces are in equilibrium after any step.
+Conjugate gradients find t, with an elastic solve a step. No t does work on a jump that
+is free: tractions keep their resultants where a mean stress gives them, and the balance
+on rigid motions. So the forces are in equilibrium after any step.
 
-Symbols: B u jump of a displacement between both sides; J the jump that is given; W area
-of each node of a facet.
+Symbols: B u jump of a displacement between both sides; J the jump that is given; K^+
+displacement of copies that are cut off under forces; W area of each node of a facet.
 """
 
 from __future__ import annotations
@@ -87,7 +87,11 @@ class Across:
             step_forces = self._back(traction)
             step = elastic.solve(step_forces, supports=False, tolerance=FITS / 10)
             closes = self._without_motions(self._jump(step))
-            length = square / self._dot(traction, closes)
+            curvature = self._dot(traction, closes)
+            # Where supports hold what faces, nothing moves.
+            if not curvature > 0.0:
+                break
+            length = square / curvature
             forces.x.array[:] += length * step_forces.x.array
             moved.x.array[:] += length * step.x.array
             left -= length * closes
