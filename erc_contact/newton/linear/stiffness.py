@@ -34,6 +34,7 @@ from typing import ClassVar
 import numpy as np
 from dolfinx import fem
 from petsc4py import PETSc
+from scipy.linalg import lu_factor, lu_solve  # type: ignore[import-untyped]
 from scipy.sparse import csr_array  # type: ignore[import-untyped]
 
 from erc_contact.base.exceptions import InputError, together
@@ -126,7 +127,7 @@ class Stiffness(ElasticEquations):
         self._reduced: tuple[np.ndarray, np.ndarray] | None = None
         self._factor: Factor | Substructures | None = None
         self._matrix: PETSc.Mat | None = None
-        self._unglued: PETSc.KSP | None = None
+        self._unglued: tuple[np.ndarray, np.ndarray] | None = None
         if self.layer.contact_size:
             groups = model.connections.groups
             self.basis = JumpBasis(groups, self.layer.numbers, self.layer.contact_size)
@@ -172,8 +173,9 @@ class Stiffness(ElasticEquations):
             # What bodies are glued to may be moved by supports.
             by_supports = glue_forces - self.glued_by @ glued_A
             if self._unglued is None:
-                self._unglued = dense_factor(self.definite(a), "lu")
-            return dense_solve(self._unglued, schur @ glued_A + by_supports)
+                self._unglued = lu_factor(self.definite(a), overwrite_a=True, check_finite=False)
+            right = schur @ glued_A + by_supports
+            return np.asarray(lu_solve(self._unglued, right, check_finite=False))
 
         u_A = together(self.model.space.comm, unglue)
         return self.expand(u_0, u_A, None)
@@ -291,7 +293,7 @@ class Stiffness(ElasticEquations):
 
     def free(self) -> None:
         """Free the factor; a later solve makes it again."""
-        for made in (self._factor, self._matrix, self._unglued):
+        for made in (self._factor, self._matrix):
             if made is not None:
                 made.destroy()
         self._factor = self._matrix = self._unglued = None
