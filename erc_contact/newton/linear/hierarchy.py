@@ -44,6 +44,8 @@ class Hierarchy:
         model: The scene on a mesh.
         stiffness: K [force/length].
         operator: K as it is multiplied [force/length].
+        places: Zeros where changes have entries that K does not have, which this object
+            frees; None without any.
         glue: D [force/length], which this object frees.
         share: Share of D in the first matrix [-].
         support_stiffness: Diagonal of K where supports fix a component [force/length].
@@ -62,6 +64,7 @@ class Hierarchy:
         model: Model,
         stiffness: PETSc.Mat,
         operator: PETSc.Mat,
+        places: PETSc.Mat | None,
         glue: PETSc.Mat,
         share: float,
         *,
@@ -80,14 +83,14 @@ class Hierarchy:
         self._share: float | None = share
         """Share of the glue in the matrix; None after :meth:`renew` with a tangent."""
 
-        self._sum = self._make_changeable(stiffness, operator)
+        self._sum = self._make_changeable(stiffness, operator, places)
         self.matrix = self._sum.matrix
         first = self._part_of_glue(share)
         if share:
             self._sum.change(first)
         self.matrix.setOption(PETSc.Mat.Option.SPD, True)
         self._two_levels: TwoLevels | None = None
-        self._multigrid, algebraic = self._preconditioners(first)
+        self._multigrid, algebraic = self._preconditioners(places, first)
         self.pc = self._multigrid
         levels: list[tuple[PETSc.Mat, PETSc.Mat]] = []
         # PETSc must not set these up anew: the coarse matrices follow C here.
@@ -99,27 +102,35 @@ class Hierarchy:
             algebraic.setReusePreconditioner(True)
         if has_contact and (is_gamg or levels):
             self._coarse = CoarseMatrices(levels + levels_of(algebraic), first, self.scale)
-        first.destroy()
+        for done in (first, places):
+            if done is not None:
+                done.destroy()
 
     def _make_changeable(
-        self, stiffness: PETSc.Mat, operator: PETSc.Mat | None
+        self, stiffness: PETSc.Mat, operator: PETSc.Mat, places: PETSc.Mat | None
     ) -> ChangedBlocks | ChangedEntries:
         """Return a matrix to which changes can be added, as the cycle needs it."""
         if self._model.space.degree > 1:
-            return ChangedBlocks(stiffness, self.scale, self._model.space.d, operator)
-        return ChangedEntries(stiffness, self.scale)
+            return ChangedBlocks(stiffness, operator, self.scale)
+        return ChangedEntries(stiffness, places, self.scale)
 
-    def _preconditioners(self, change: PETSc.Mat) -> tuple[PETSc.PC, PETSc.PC]:
+    def _preconditioners(
+        self, places: PETSc.Mat | None, change: PETSc.Mat
+    ) -> tuple[PETSc.PC, PETSc.PC]:
         """Set up the cycle, and algebraic multigrid, the lower part or all of it.
 
         Args:
+            places: Zeros where K has no entries for a change; None without any.
             change: The first C [force/length].
         """
         if self._model.space.degree > 1:
+            terms = [self._stiffness, change]
+            if places is not None:
+                terms.append(places)
             self._two_levels = TwoLevels(
                 self._model,
                 self.matrix,
-                (self._stiffness, change),
+                terms,
                 self.scale,
                 self._support_stiffness,
             )

@@ -30,7 +30,7 @@ from erc_contact.newton.linear.amg import (
     with_factor,
     with_options,
 )
-from erc_contact.newton.linear.changed import SUBSET
+from erc_contact.newton.linear.changed import DIFFERENT
 from erc_contact.newton.linear.factor_cost import factor_below
 
 FINE_PREFIX = "erc_contact_degree_2_"
@@ -59,8 +59,7 @@ class TwoLevels:
     Args:
         model: The scene on a mesh.
         matrix: The fine matrix, for displacements, which is multiplied only [-].
-        terms: The terms of which it is the sum, the first one with most entries
-            [force/length].
+        terms: The terms of which it is the sum, K first [force/length].
         scale: Factor of their sum in the fine matrix [length/force].
         diagonal: Diagonal of the sum where supports fix a component, also of the coarse
             matrix [force/length].
@@ -139,7 +138,7 @@ def _coarse_sum(terms: Sequence[PETSc.Mat], interpolation: PETSc.Mat) -> PETSc.M
     total = stiffness.ptap(interpolation)
     for change in changes:
         coarse = change.ptap(interpolation)
-        total.axpy(1.0, coarse, SUBSET)
+        total.axpy(1.0, coarse, DIFFERENT)
         coarse.destroy()
     return total
 
