@@ -40,10 +40,16 @@ The smoother may ask for products with the fine matrix and for its diagonal only
 """
 FINE_OPTIONS = {
     "mg_levels_ksp_type": "chebyshev",
+    "mg_levels_ksp_chebyshev_esteig": "0,0.1,0,1.3",
     "mg_levels_ksp_max_it": 2,
     "mg_levels_pc_type": "jacobi",
 }
-"""Options that the user's override."""
+"""Options that the user's override.
+
+The smoother's greatest eigenvalue is estimated for the glued contact. A tangent may
+have 1.3 of it, and beyond its interval Chebyshev's method amplifies: with PETSc's 1.1
+for 1.3 an assembly of 18 solids took 868 cycles, not 293. A cube takes 50, not 53.
+"""
 CYCLES_BELOW = 2
 """Cycles on the coarse matrix in one cycle on both.
 
