@@ -150,8 +150,8 @@ class FullSpace:
         snes.setUseEW(True, version=2, rtol_0=FORCING, rtol_max=FORCING, alpha=1.3, threshold=0.01)
         snes.setMaxLinearSolveFailures(2)
         set_up(snes.getKSP(), self._tangent.precondition)
-        # With 0.3 eps of a layer of 60 x 1 that nothing holds has seven digits, with 0.1
-        # it has eight.
+        # With 0.1 eps of a layer of 60 x 1 that nothing holds has eight digits, with
+        # 0.3 it has seven.
         snes.getKSP().setTolerances(atol=0.1 * SOLVED)
 
     def round_off(self, x: PETSc.Vec) -> tuple[float, float]:
