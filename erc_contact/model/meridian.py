@@ -37,7 +37,7 @@ import numpy as np
 import ufl
 
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.contact.trace import Side
+from erc_contact.model.contact.side import Side
 from erc_contact.model.section import Section
 from erc_contact.scene.material import ring_basis, strain
 from namedmesh.simplex import barycentric, bernstein, coefficients, mass, nodes, projection, rule

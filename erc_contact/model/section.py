@@ -17,7 +17,7 @@ from itertools import combinations
 import numpy as np
 
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.contact.trace import Side
+from erc_contact.model.contact.side import Side
 from erc_contact.scene.material import mandel_basis, strain
 from namedmesh.simplex import bernstein, measures
 

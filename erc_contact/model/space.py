@@ -18,7 +18,7 @@ from dolfinx import fem
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.contact.trace import Side
+from erc_contact.model.contact.side import Side
 from erc_contact.model.data.expressions import Everywhere, evaluate
 from erc_contact.model.data.quadrature import MOST_POINTS
 from erc_contact.model.section import Section

@@ -19,7 +19,8 @@ from dolfinx import fem
 
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.contact.trace import Side, split
+from erc_contact.model.contact.side import Side
+from erc_contact.model.contact.trace import split
 from erc_contact.model.space import Space
 from erc_contact.scene.support import Spring
 from namedmesh.simplex import bernstein, coefficients

@@ -108,6 +108,7 @@ def test_far_from_the_axis_it_is_plane_strain(degree):
     assert ring.relative == pytest.approx(flat.relative, rel=0.02)
 
 
+@pytest.mark.broad
 @pytest.mark.pairs
 @pytest.mark.on_ranks("0.3-0.0-1", "friction2-0.5-2")
 @pytest.mark.parametrize("degree", [1, 2])

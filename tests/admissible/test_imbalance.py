@@ -155,12 +155,14 @@ def test_what_one_rank_has_wrong_is_refused_on_all(monkeypatch):
         ec.equilibrate(solved)
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("2-1", "3-1")
 @pytest.mark.parametrize(("seed", "degree"), [(2, 1), (3, 1), (2, 2), (3, 2)])
 def test_pairs_of_random_scenes(seed, degree):
     assert ec.equilibrate(ec.solve(*random_scene(seed), degree=degree)).imbalance < ROUND_OFF
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("0", "3")
 @pytest.mark.parametrize("number", range(8))
 def test_an_own_evaluation_says_the_same(number, monkeypatch):

@@ -310,6 +310,7 @@ SLOW = {
 }
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("case", SLOW)
 def test_the_iteration_does_not_end_too_early(case, monkeypatch):

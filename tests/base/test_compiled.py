@@ -3,6 +3,7 @@
 import ctypes
 import os
 
+import ffcx
 import numpy as np
 import pytest
 import ufl
@@ -15,6 +16,7 @@ import erc_contact as ec
 from erc_contact.base.runtime import compiled
 from erc_contact.base.runtime.compiled import FIRST_NUMBER, _key
 from erc_contact.base.runtime.form_library import form_library
+from namedmesh.base.releases import c_code
 
 
 def area(domain: ec.Domain) -> fem.Form:
@@ -134,6 +136,20 @@ def test_variables_are_signed_alike_whatever_was_made_before():
 
     assert signature(1) == signature(1)
     assert signature(1) != signature(2)
+
+
+def test_nodes_that_are_found_by_their_numbers_give_the_same_code():
+    """Of a form with tensors, indices, conditions and a derivative."""
+    mesh = block(2).mesh
+    V = fem.functionspace(mesh, ("Lagrange", 2, (2,)))
+    u, v = fem.Function(V), ufl.TestFunction(V)
+    strain = ufl.sym(ufl.grad(u))
+    energy = ufl.conditional(ufl.lt(u[0], 0.1), ufl.tr(strain) ** 2, ufl.inner(strain, strain))
+    source = ufl.derivative(energy * ufl.dx(mesh), u, v)
+    options = ffcx.get_options({"scalar_type": np.float64})
+    usual = c_code([source], "form", options)
+    with compiled._nodes_by_number():
+        assert c_code([source], "form", options) == usual
 
 
 @pytest.mark.parametrize("parts", [("top",), ("left", "top"), ("top", "left")])

@@ -52,6 +52,9 @@ UNPROMISED = {
     "dolfinx.jit.get_options": "erc_contact/base/runtime/form_library.py",
     "ffcx.compiler.compile_ufl_objects": "namedmesh/base/releases.py",
     "ffcx.codegeneration.jit.UFC_FORM_DECL": "erc_contact/base/runtime/form_library.py",
+    "ffcx.ir.analysis.valuenumbering.ValueNumberer.get_node_symbols": (
+        "erc_contact/base/runtime/compiled.py"
+    ),
     "ffcx.naming.compute_signature": "erc_contact/base/runtime/form_library.py",
     "ufl.algorithms.apply_derivatives.GenericDerivativeRuleset": "erc_contact/base/ufl_tables.py",
     "ufl.corealg.dag_traverser.DAGTraverser": "erc_contact/base/runtime/patches.py",

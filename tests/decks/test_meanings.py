@@ -310,6 +310,7 @@ def test_a_face_that_is_fixed_stays_where_a_step_has_left_it(read):
         read(pushed + stays, "*PLASTIC\n5., 0.\n15., 0.1\n" + SECTION)
 
 
+@pytest.mark.broad
 def test_plasticity_with_linear_hardening(read):
     plastic = "*PLASTIC\n5., 0.\n15., 0.1\n"
     deck = read(step("*BOUNDARY\nFoot, 3, 3\n*DSLOAD\nTop, P, -10."), plastic + SECTION)
@@ -353,6 +354,7 @@ ORTHOTROPIC = """*MATERIAL, NAME=O
 """
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize(("axes", "modulus"), [("", 250.0), (", ORIENTATION=turned", 1000.0)])
 def test_orthotropic_moduli_in_axes(read, axes, modulus):
     """The first axis of the orientation is z, the second one x; the column has no friction."""

@@ -79,6 +79,7 @@ def factors(scene: ec.Scene, radii: tuple, degree: int = 1, mode: str = "I") -> 
     return [ec.interval(error, goal) for goal in goals]
 
 
+@pytest.mark.broad
 def test_beyond_a_bend():
     """Faces under pressure, on both sides of the bend."""
     found = factors(of_lips(0.3, 1.0, "plane strain"), (0.2, 0.4, 0.6))

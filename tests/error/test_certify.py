@@ -186,6 +186,7 @@ def pressed_ball(d):
     return ec.Scene(ec.Elastic(1.0, 0.3), down, contacts=contact), body
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("2-2")
 @pytest.mark.parametrize(("d", "degree"), [(2, 2), (3, 1)])
 def test_a_solution_of_nitsche_has_the_error_that_it_has(d, degree):

@@ -164,6 +164,7 @@ CASES = {
 }
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("name", CASES)
 def test_every_term_is_above_the_truth(name):

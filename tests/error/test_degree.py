@@ -141,6 +141,7 @@ def test_adaptive_rate_and_index():
     assert 1.0 <= index <= 1.3
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize(("nu", "friction"), [(0.4999, 0.3), (0.499999, 0.0)])
 def test_index_near_incompressibility(nu, friction):

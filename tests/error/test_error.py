@@ -310,6 +310,7 @@ LAWS = {
 }
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("mu(x)-2-2")
 @pytest.mark.parametrize(
     ("name", "dim", "degree"),

@@ -109,6 +109,7 @@ def test_resultants_hold_those_of_a_fine_mesh(case):
         assert ec.resultant(coarse[1], name, np.eye(d)[0]).high == 0.0
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("case", CASES)
 def test_energy_holds_that_of_a_fine_mesh(case):
@@ -170,6 +171,7 @@ def test_no_error_of_petsc_is_swallowed(capfd):
     assert "PETSC ERROR" not in capfd.readouterr().err
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("GRECO")
 @pytest.mark.parametrize("case", ["cube, Tresca friction", "GRECO"])
 def test_multigrid_gives_the_same_bounds(case):

@@ -121,6 +121,7 @@ def test_energies_with_a_narrow_layer_meet():
     assert max(energy.low for energy in bounds) <= min(energy.high for energy in bounds)
 
 
+@pytest.mark.broad
 def test_unknown_ranges_are_sampled():
     """Only the compiler knows erf: no cell is elastic by its corners."""
     layer = lambda x: 0.011 + 0.009 * ufl.erf((x[1] - 0.25) / 0.05)  # noqa: E731

@@ -286,6 +286,7 @@ def test_a_penny_crack():
         ec.interval(error, ec.StressIntensity((1.0, 0.0), (1.0, 0.0), radius=1.1))
 
 
+@pytest.mark.broad
 def test_a_ring_with_a_bend():
     """On a cone, whose crack bends; the radius ends at the bend."""
     places = [(0.3, -0.3), (0.6, 0.0), (1.0, 0.0)]

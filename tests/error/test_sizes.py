@@ -235,6 +235,7 @@ def test_coarse_mesh_does_not_refuse_what_can_be_done():
     assert history.steps[-1].cells < 5000
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_a_small_error_that_is_asked_for_is_not_out_of_reach():
     """The second mesh is off by 25%; its rates predict 900 000 cells for 0.03%."""

@@ -26,7 +26,8 @@ from test_two_bodies import METHODS
 
 import erc_contact as ec
 from erc_contact.admissible.below import excess_over_gap, gap_limits
-from erc_contact.model.contact.trace import Side, Trace
+from erc_contact.model.contact.side import Side
+from erc_contact.model.contact.trace import Trace
 from erc_contact.model.promises import bind
 from erc_contact.output.gathered import whole_contacts
 from erc_contact.output.verdict import of_gaps
@@ -129,6 +130,7 @@ def pressed_noses(d, domain, *, stiff=1.0, push=0.0, friction=0.2, method=METHOD
     return certified(scene, domain, method=method, **options)
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("ring-2", "3-1")
 @pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), ("ring", 1), ("ring", 2), (3, 1)])
 def test_mirror_images_have_no_shear(d, degree):
@@ -207,6 +209,7 @@ def test_gap_of_round_bodies_is_the_distance_of_their_surfaces(degree):
 # ---------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 @pytest.mark.pairs
 @pytest.mark.on_ranks("2-1-0.3-Nitsche", "3-2--0.02-Nitsche")
 @pytest.mark.parametrize("method", METHODS[::3], ids=["Nitsche", "multiplier"])

@@ -12,7 +12,7 @@ import erc_contact as ec
 from erc_contact.model.data import array_code as module
 from erc_contact.model.data.array_code import array_code
 from erc_contact.model.data.expressions import OfNumbers, evaluate
-from erc_contact.model.law import point_law
+from erc_contact.model.law import law_code
 
 pytestmark = pytest.mark.serial
 POINTS = np.array([[0.2, 0.3], [0.6, 0.1], [1 / 3, 1 / 3]])
@@ -89,10 +89,34 @@ def test_an_operator_that_numpy_does_not_know_is_compiled():
 @pytest.mark.parametrize("part", ["energy", "stress", "tangent", "conjugate", "dual"])
 def test_the_code_of_a_law_has_one_name(part, monkeypatch):
     """Whatever was made before in a process: else each would compile it anew."""
-    monkeypatch.setattr(point_law, "OfNumbers", lambda expression, *_, **__: expression)
+    monkeypatch.setattr(law_code, "OfNumbers", lambda expression, *_, **__: expression)
     names = set()
     for _ in range(2):
         law = TwoModuli(1.0, 0.4, 0.2)
-        code = point_law.LawCode(law, law.parameters, {}, True, [0, 1, 2, 3], MPI.COMM_SELF)
+        code = law_code.LawCode(law, law.parameters, {}, True, [0, 1, 2, 3], MPI.COMM_SELF)
         names.add(compute_signature([(getattr(code, part), np.array([[0.5]]))], ""))
     assert len(names) == 1
+
+
+def test_equal_laws_have_one_code():
+    """Each step of a history may make its material anew; a new array is another law."""
+
+    def code_of(potential):
+        return law_code.law_code(potential, ["E"], {}, True, [0, 1, 2, 3], MPI.COMM_SELF)
+
+    def curve(last):
+        return ec.HardeningCurve([0.0, 0.1], [0.01, last])
+
+    first = code_of(ec.Plastic(1.0, 0.3, hardening=curve(0.02)))
+    assert code_of(ec.Plastic(1.0, 0.3, hardening=curve(0.02))) is first
+    assert code_of(ec.Plastic(1.0, 0.3, hardening=curve(0.03))) is not first
+
+    class Weighted(ec.Potential):
+        pass
+
+    law = Weighted()
+    law.weights = np.array([1.0])
+    second = code_of(law)
+    assert code_of(law) is second
+    law.weights = np.array([1.0])
+    assert code_of(law) is not second

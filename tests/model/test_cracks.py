@@ -154,6 +154,7 @@ def test_a_crack_is_refined_meshed_anew_and_loaded_in_steps():
     assert ec.coulomb_certificate(history.errors[1]).q < 1.0
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("method0")
 @pytest.mark.parametrize("method", METHODS)
 def test_a_crack_in_space(method):

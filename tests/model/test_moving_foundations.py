@@ -119,6 +119,7 @@ def test_a_belt_that_goes_and_comes(strategy):
     assert np.allclose(belt.force("bottom"), body.force("bottom"), atol=1e-9)
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("1")
 @pytest.mark.parametrize("degree", [1, 2])
 def test_a_turning_disc_pulls_with_its_moment(degree):

@@ -307,6 +307,7 @@ def test_flat_sides_ask_nothing_of_the_drawing(monkeypatch):
     assert contact.trace.corner_normals is None
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 def test_the_error_of_a_sliding_fit_falls_at_the_rate(degree):

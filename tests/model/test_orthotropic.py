@@ -109,6 +109,7 @@ def layered(kind: str, comm: MPI.Comm) -> tuple[ec.Scene, ec.Domain]:
     return ec.Scene(laws, ec.Displacement("top", push), contacts=contact), body
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("kind", ["axisymmetric", "space"])
 def test_energies_beside_an_elastic_region(kind):
     """The interval of a finer mesh lies in the first one; it is the same on any ranks."""

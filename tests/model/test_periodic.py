@@ -489,6 +489,7 @@ def test_a_mean_stress_may_act_on_some_sides_alone():
     assert_fits(error)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_numbers_under_a_mean_stress_have_intervals():
     """The mean strain is found in each of the moved scenes; an interval holds finer ones."""

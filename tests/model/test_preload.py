@@ -249,6 +249,7 @@ def test_energies_of_a_given_force_meet():
     assert intervals[-1].low <= -FORCE * shifts[-1] / 2 * (1 - 1e-9) <= intervals[-1].high
 
 
+@pytest.mark.broad
 def test_a_force_that_cannot_be_kept_is_left_out(monkeypatch):
     """sigma^ then has another force in the bolt, and is in equilibrium all the same."""
     solution = ec.solve(joint(2, force=FORCE), bolted_plates(2, 2.0))

@@ -70,6 +70,7 @@ def uniform(
     return sheared(tuple(amount * along), shear * along, between=between), shear, slip
 
 
+@pytest.mark.broad
 @pytest.mark.pairs
 @pytest.mark.parametrize("amount", [0.6, 2.5])
 @pytest.mark.parametrize("degree", mostly_serial([1, 2], [2]))

@@ -33,6 +33,7 @@ def scene(d, ties=TIE):
     return ec.Scene(MATERIAL, [top], [side], [contact], ties=ties)
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("2-2", "1-3")
 @pytest.mark.parametrize(("degree", "d"), [(1, 2), (2, 2), (1, 3)])
 def test_error_is_that_of_one_body(degree, d):

@@ -211,6 +211,7 @@ MESHES = {
 }  # fmt: skip
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("name", MESHES)
 def test_changes_at_random_are_domains_or_refused(name, folder):
     """Each of 60 changes of numbers, letters, lines or the end; nothing else is raised, nothing written."""

@@ -100,6 +100,7 @@ def test_half_disc_has_its_area(measures):
     assert off[2] < off[1] / 10
 
 
+@pytest.mark.broad
 def test_ball_has_its_volume_and_rim_its_area(shared_tmp_path, measures):
     """The rim lies on sphere and plane: it keeps the area of the plane face."""
     domain = from_script(BALL, shared_tmp_path, "ball")

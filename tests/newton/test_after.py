@@ -251,6 +251,7 @@ def test_steps_on_refined_and_new_meshes():
     assert shear(new) == pytest.approx(shear(solution), rel=0.05)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize(("method", "degree"), [(AUGMENTED, 1), (AUGMENTED, 2), (NITSCHE, 1)])
 def test_e_is_above_the_true_error_of_the_step(method, degree):

@@ -82,6 +82,7 @@ def bricks_apart(gaps, comm=None, moduli=(1.0, 1.0)):
     return scene, bodies
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("moduli", [(1.0, 1.0), (1.0, 1e6)], ids=["alike", "stiff on soft"])
 @pytest.mark.parametrize("degree", [1, 2])

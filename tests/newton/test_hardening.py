@@ -47,6 +47,7 @@ def largest(law, beyond_elastic, c, before):
     return flow, beyond_elastic * flow - c * flow**2 / 2 - work
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("curve", [CURVE, ec.Voce(1.0, 0.5, 100.0)], ids=["points", "Voce"])
 def test_energies_of_a_load_step_are_the_largest(curve):
@@ -173,6 +174,7 @@ def test_plastic_strain_beyond_the_curve_is_told(caplog):
     assert told == [True, False]
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("hard", [ec.Elastic(1000.0, 0.3), ec.Plastic(1000.0, 0.3, 0.4, 20.0)])
 def test_regions_harden_in_their_own_way(hard):
     """In two layers under a pressure, each as if it stood alone: its stress is the same."""

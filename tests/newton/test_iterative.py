@@ -116,13 +116,9 @@ CASES = [
 ]
 
 
-ON_RANKS = [case for case in CASES if case[0] in ("held by two contacts", "cube on a sphere")]
-
-
 @pytest.mark.on_ranks("held by two contacts AL", "cube on a sphere Nitsche")
-@pytest.mark.parametrize("case", mostly_serial(CASES, ON_RANKS), ids=" ".join)
-def test_same_as_the_direct_solver(case):
-    name, method = case
+@pytest.mark.parametrize(("name", "method"), CASES, ids=map(" ".join, CASES))
+def test_same_as_the_direct_solver(name, method):
     scene, domain = SCENES[name]()
     direct, iterative = (
         ec.solve(scene, domain, METHODS[method], solver=s) for s in ("direct", "iterative")
@@ -343,6 +339,7 @@ def test_auto_gives_multigrid_up_early_where_it_is_slow(nu, iterative, monkeypat
     assert bool(used) == iterative
 
 
+@pytest.mark.broad
 def test_multigrid_goes_on_where_the_direct_solver_would_take_for_ever(monkeypatch):
     """A slow first guess is worth patience there; assemblies of 93 000 cells had none."""
     scene, domain = SCENES["cube"]()

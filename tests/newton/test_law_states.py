@@ -83,6 +83,7 @@ def test_a_supremum_by_newton_is_the_conjugate(degree):
     assert found.displacement_error == pytest.approx(found.absolute)
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("1")
 @pytest.mark.parametrize("degree", [1, 2])
 def test_a_supremum_of_a_law_with_a_kink_is_the_conjugate(degree):

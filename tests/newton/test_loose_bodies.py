@@ -76,6 +76,7 @@ def test_given_friction_holds_a_block(method, solver):
     assert 0 < error.relative < 0.3
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("friction", [0.1, ec.Tresca(0.1 * 0.05 * PRESS)], ids=["mu", "given"])
 @pytest.mark.parametrize("degree", [1, 2])

@@ -110,6 +110,7 @@ def test_stacks():
     assert force == pytest.approx([-0.95e-3 / 2, 1e-3], rel=1e-8)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 def test_pressures_that_would_be_uniform(degree):

@@ -149,6 +149,7 @@ def test_energies_of_a_body_that_is_pressed_and_unloaded(law, degree):
 # -------------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("2", "1")
 @pytest.mark.parametrize("degree", [1, 2])
 def test_children_have_the_state_of_their_parents(degree):
@@ -288,6 +289,7 @@ def on_rings(law, inner, friction):
     return ec.Scene(law, top, load, ec.Contact("bottom", friction=friction)), body
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("inner", [0.0, 1.0])
 def test_a_quadratic_potential_is_linear_elasticity_on_rings(inner, degree):
@@ -304,6 +306,7 @@ def test_a_quadratic_potential_is_linear_elasticity_on_rings(inner, degree):
     )
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize(
     ("degree", "friction"), [(1, ec.Tresca(0.3)), (2, 0.0), (2, ec.Tresca(0.3))]

@@ -79,6 +79,7 @@ def stresses(strains, hardening=H):
     return found
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("degree", [1, 2])
 def test_a_potential_of_linear_elasticity_is_elastic(degree):
     """By shift and by force, with friction."""
@@ -125,7 +126,7 @@ def history_of_bar(t):
     return bar(RINGS, move=float(np.interp(t, range(4), MOVES)), **given)
 
 
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [1, pytest.param(2, marks=pytest.mark.broad)])
 def test_a_bar_that_is_tightened_unloaded_and_yields_again(degree, shared_tmp_path):
     arguments = {"accuracy": 0.2, "degree": degree, "checkpoint": shared_tmp_path / str(degree)}
     domain = round_bar()
@@ -148,6 +149,7 @@ def test_a_bar_that_is_tightened_unloaded_and_yields_again(degree, shared_tmp_pa
     assert forces == pytest.approx(AREA * np.array(wanted), rel=1e-8)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("hardening", [10.0, 1.0, 0.1])
 def test_the_shift_of_a_force_is_found_with_little_hardening(hardening):
@@ -191,6 +193,7 @@ def test_energies_of_finer_meshes_lie_in_the_bounds(seed):
     assert exact.high <= bounds.high
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("given", [{"force": 7.2}, {"shortening": 0.2}])
 def test_energies_add_up_to_the_error(given):
@@ -216,6 +219,7 @@ def test_energies_add_up_to_the_error(given):
     assert on_jump == pytest.approx(force * error.solution.shortening(SIDES[0]), rel=0.05)
 
 
+@pytest.mark.broad
 def test_a_joint_keeps_its_force_and_loses_some_where_a_pull_lets_it_yield():
     """The steps are on one mesh, as a shift is the shift of its mesh."""
     law = ec.Plastic(E, NU, yield_stresses(6.0, 1e3), hardening=20.0)
@@ -240,6 +244,7 @@ def test_a_joint_keeps_its_force_and_loses_some_where_a_pull_lets_it_yield():
     assert released < 0.95 * locked
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("yield_stress", [6.0, 8.0])
 def test_a_step_without_change_changes_nothing(yield_stress):

@@ -451,6 +451,7 @@ def heated_bar(temperature):
     return ec.Scene(law, walls, strains=ec.ThermalStrain(1e-3, temperature))
 
 
+@pytest.mark.broad
 def test_a_bar_that_is_heated_and_cooled_between_walls():
     """0 = sigma/E + e_T + p, and it yields at y + H |p|: a tension is left."""
     bar = ec.rectangle((0.0, 0.0), (1.0, 2.0), cells=(1, 2))
@@ -464,6 +465,7 @@ def test_a_bar_that_is_heated_and_cooled_between_walls():
         assert abs(step.imbalance) < 1e-9 * step.greatest_energy
 
 
+@pytest.mark.broad
 def test_a_temperature_that_varies():
     """The energy of a finer mesh lies in the interval, and a free body bends without stress."""
 

@@ -331,6 +331,7 @@ def test_the_balance_of_a_free_expansion_is_no_number():
     assert str(history).splitlines()[2].split()[-2] == "-"
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("law", [Quadratic(1e3, 0.3), TwoModuli(1e3, 800.0, 0.3)], ids=repr)
 def test_a_potential_that_is_let_go_is_at_rest(law):
     """It is linearised about the last step, which leaves round-off of its stress as a load."""

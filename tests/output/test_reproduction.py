@@ -108,7 +108,16 @@ def apart():
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("make", [from_lambdas, in_space, two_bodies, loading, apart])
+@pytest.mark.parametrize(
+    "make",
+    [
+        from_lambdas,
+        loading,
+        apart,
+        pytest.param(in_space, marks=pytest.mark.broad),
+        pytest.param(two_bodies, marks=pytest.mark.broad),
+    ],
+)
 def test_code_of_a_report_gives_the_same_run(make, tmp_path, monkeypatch):
     run = make()
     run.save(tmp_path)

@@ -19,7 +19,8 @@ from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.cones import Cones
 from erc_contact.admissible.tighten.tables import MacroTable
 from erc_contact.error.laws import LawError
-from erc_contact.model.contact.trace import Side, Trace
+from erc_contact.model.contact.side import Side
+from erc_contact.model.contact.trace import Trace
 from erc_contact.model.data.quadrature import Cuts, integrate
 from erc_contact.model.law.constitution import Constitution
 from namedmesh.joining.curve import Curve

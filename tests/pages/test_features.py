@@ -57,6 +57,7 @@ def test_numbers_are_the_refusals():
     assert entries - SAID == set(refusals()), WRITE
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize(("pair", "said"), list(sample()))
 def test_cells_are_true(pair, said):
     assert features.cell(*pair) == said, WRITE

@@ -87,6 +87,7 @@ def test_a_coarse_mesh_finds_the_end_of_a_fine_one(kind, degree):
     assert "+-" in text
 
 
+@pytest.mark.broad
 def test_a_coarse_mesh_finds_the_area_of_a_fine_one_in_space():
     coarse, fine = (on_parabola("space", cells).contact_area("bottom") for cells in (5, 12))
     assert coarse.strips == ()

@@ -19,7 +19,10 @@ The numbers of boundary parts are in the code of a form. Here the parts of a for
 the numbers 1, 2, ... (:mod:`erc_contact.base.runtime.parts`). So a load on the right
 side is the same form as one on the top.
 
-DOLFINx and UFL have no door for either. So :func:`form`, :func:`expression` and
+FFCx compares a node of an expression with all nodes to find its number. For a plastic
+law this takes half a second; here the numbers are looked up.
+
+DOLFINx, UFL and FFCx have no door for these. So :func:`form`, :func:`expression` and
 :func:`constant` change a name of theirs while they call them
 (:mod:`erc_contact.base.runtime.patches`), and everything in the package is compiled by
 these.
@@ -40,6 +43,7 @@ import ufl
 from dolfinx import fem
 from dolfinx import jit as dolfinx_jit
 from dolfinx import mesh as dmesh
+from ffcx.ir.analysis.valuenumbering import ValueNumberer
 from mpi4py import MPI
 
 from erc_contact.base.runtime.form_library import compile_objects
@@ -153,7 +157,7 @@ def together(
 
 def _compile(sources: dict[Any, Any], comm: MPI.Comm, options: Any) -> None:
     """Compile or load forms and expressions, given by their keys; collective."""
-    with _variables_by_order():
+    with _variables_by_order(), _nodes_by_number():
         objects = compile_objects(comm, list(sources.values()), options, c_code)
     for key, (compiled_object, library) in zip(sources, objects, strict=True):
         _known[key] = compiled_object, library, (None, None)
@@ -174,6 +178,18 @@ def _variables_by_order() -> AbstractContextManager[None]:
 def _number_label(label: Ufl, numbers: dict[Any, int]) -> tuple[str, int]:
     """Return what is signed of a variable: its number among all that were signed."""
     return "Label", numbers.setdefault(label, len(numbers))
+
+
+def _nodes_by_number() -> AbstractContextManager[None]:
+    """Find the nodes of FFCx's graphs by their numbers within a context."""
+    if refused():
+        return nullcontext()
+    return replaced(ValueNumberer, "get_node_symbols", _symbols_of_node)
+
+
+def _symbols_of_node(numberer: ValueNumberer, node: Ufl) -> list[int]:
+    """Return the symbols that FFCx gives to a node of its graph."""
+    return numberer.V_symbols[numberer.G.e2i[node]]
 
 
 def _all_known(comm: MPI.Comm, keys: list[Any]) -> bool:

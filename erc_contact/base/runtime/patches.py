@@ -1,12 +1,13 @@
 """Changes of other libraries, only while this package calls them itself.
 
-The user may refuse them. There are four such changes:
+The user may refuse them. There are five such changes:
 
 - DOLFINx finds a form that it has compiled already
   (:mod:`erc_contact.base.runtime.compiled`),
 - the Constants of the package have numbers of equally many digits (the same module),
 - variables of an expression are numbered as they are met when it is signed (the same
   module),
+- FFCx finds the nodes of an expression by their numbers (the same module),
 - UFL's methods do not keep objects for ever, on Python 3.13.0
 (:func:`method_caches_off`).
 

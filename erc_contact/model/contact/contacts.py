@@ -35,7 +35,8 @@ from erc_contact.model.contact.normals import (
     turns,
 )
 from erc_contact.model.contact.periodic import placed, rotation_of
-from erc_contact.model.contact.trace import Side, Trace
+from erc_contact.model.contact.side import Side
+from erc_contact.model.contact.trace import Trace
 from erc_contact.model.data.symbolic import sum_of
 from erc_contact.model.data.users import call_of_user, scalar
 from erc_contact.model.data.values import components, number

@@ -27,7 +27,7 @@ from mpi4py import MPI
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.contact.trace import Side
+from erc_contact.model.contact.side import Side
 from erc_contact.model.space import Space
 from namedmesh.base.ranks import greatest
 from namedmesh.for_solvers import spread, vertex_normals

@@ -30,8 +30,9 @@ from dolfinx import fem
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.law.constitution import Constitution, ElasticMatrix, StrainField
+from erc_contact.model.law.law_code import Derivatives
 from erc_contact.model.law.law_state import LawState
-from erc_contact.model.law.point_law import Derivatives, PointLaw, Search
+from erc_contact.model.law.point_law import PointLaw, Search
 from erc_contact.model.meridian import in_space
 from erc_contact.model.space import Space
 from erc_contact.scene.material import mandel_basis, strain

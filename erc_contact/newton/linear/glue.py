@@ -20,7 +20,8 @@ from dolfinx import fem, la
 from petsc4py import PETSc
 
 from erc_contact.model.contact.foundation import ContactOnMesh
-from erc_contact.model.contact.trace import Side, dofs_of
+from erc_contact.model.contact.side import Side
+from erc_contact.model.contact.trace import dofs_of
 from erc_contact.model.data.over_ranks import matrix_of_ranks, sum_over_ranks
 from erc_contact.model.space import Space
 from namedmesh.simplex import measures
