@@ -176,7 +176,11 @@ def _are_equal(value: Any, before: Any) -> bool:
     """
     if value is before:
         return True
-    return type(value) is type(before) and isinstance(value, Hashable) and bool(value == before)
+    if type(value) is not type(before) or not isinstance(value, Hashable):
+        return False
+    answer = value == before
+    # Values of other libraries may compare entry by entry.
+    return isinstance(answer, bool | np.bool_) and bool(answer)
 
 
 _recent: deque[LawCode] = deque(maxlen=8)
