@@ -272,8 +272,10 @@ def measured(case: Case, degree: int) -> dict[str, float]:
 def beside_copies(case: Case, degree: int) -> dict[str, float]:
     """Compare a sector with the body whose mesh is its copies.
 
-    At the sides r^ is the multiplier, elsewhere it is chosen for sigma^. So e differs,
-    and at a contact, where r^ chooses what is closed, u^ does a little.
+    sigma^ knows no sides. So e is the same, if tightening ends after as many iterations
+    and the tractions of contacts are the same: at nodes of a contact and of both sides
+    the method has other multipliers. There, where r^ chooses what is closed, u^ differs
+    a little.
     """
     assert case.whole is not None
     method = ec.AugmentedLagrangian()

@@ -24,7 +24,7 @@ from namedmesh.partition import check_shape
 from namedmesh.parts import shape_in_words
 from namedmesh.parts_table import NAMELESS, facets_of_parts
 from namedmesh.remeshing import count_cells
-from namedmesh.rows import in_space
+from namedmesh.rows import in_space, row_numbers
 from namedmesh.sides import boundary_sides, inner_facets
 from namedmesh.size_field import FILL
 from namedmesh.surface import Slivers, sides_of_facets, slivers
@@ -64,6 +64,7 @@ __all__ = [
     "points_in_words",
     "read_deck_mesh",
     "refined_deck_mesh",
+    "row_numbers",
     "shape_in_words",
     "shape_of",
     "shared_points",

@@ -24,6 +24,8 @@ SMALL_PRESSURE = 0.01
 """Traction of a facet that presses little, over the largest one of its contact [-]."""
 SAME_MOTION = 1e-6
 """Jump of a motion that is round-off, over its largest one [-]."""
+GIVE_OF_SIDES = 1e6
+"""How much more than others the tractions between copies of a body change [-]."""
 ACCEPTED_IMBALANCE = 1e-8
 """Imbalance that counts as none, over the forces [-].
 
@@ -119,7 +121,12 @@ def moduli(space: Space, contacts: list[ContactOnMesh]) -> list[np.ndarray]:
         areas = contact.trace.here.owned_areas
         local += (areas.sum(), areas @ contact.trace.modulus)
     area, total = space.comm.allreduce(local, MPI.SUM)
-    return [contact.trace.modulus * (area / total) for contact in contacts]
+    # Between copies of a body the tractions are chosen anew: they take what they can.
+    gives = [GIVE_OF_SIDES if contact.is_periodic else 1.0 for contact in contacts]
+    return [
+        contact.trace.modulus * (give * area / total)
+        for contact, give in zip(contacts, gives, strict=True)
+    ]
 
 
 def ray_part(

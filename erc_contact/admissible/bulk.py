@@ -8,6 +8,7 @@ import numpy as np
 
 from erc_contact.admissible.cells import force_coefficients, moments_of_cells
 from erc_contact.admissible.elastic import elastic_coefficients, macro_moduli
+from erc_contact.admissible.images import NoImages
 from erc_contact.admissible.macro import macro_stress
 from erc_contact.admissible.reconstruction import BulkStress, Reconstruction
 from erc_contact.admissible.tighten.complementary import relax
@@ -17,21 +18,21 @@ from erc_contact.admissible.unbalanced import unbalanced_cells
 from erc_contact.model.model import Model
 
 
-def _turning(model: Model, count: int) -> np.ndarray | None:
+def _turning(model: Model, images: NoImages) -> np.ndarray | None:
     """Number the loose faces that turn freely on their facets, see :class:`.Patches`.
 
     Args:
         model: The scene on a mesh.
-        count: Number of facets on this rank.
+        images: What images of facets have.
     """
     d = model.space.d
     faces = [face for face in model.loose_faces if face.free[d:].any()]
     if not faces:
         return None
-    turning = np.zeros(count, dtype=np.int32)
+    turning = np.zeros(model.space.facet_count, dtype=np.int32)
     for number, face in enumerate(faces, start=1):
         turning[model.space.facet_numbers(face.facets)] = number
-    return turning
+    return images.of_facets(turning)
 
 
 def plane_bulk(given: Reconstruction) -> BulkStress:
@@ -53,12 +54,14 @@ def plane_bulk(given: Reconstruction) -> BulkStress:
             stress = relax(cells, stress, *law)
         return Tight(moment, forces, stress)
 
-    free = cells.has_second[:, None] | given.fixed
-    turning = _turning(model, len(free))
+    around = given.around
+    free = around.has_second[:, None] | around.images.of_facets(given.fixed)
+    turning = _turning(model, around.images)
 
     def tighten(moment: np.ndarray, law: CellLaw, ending: Ending) -> Tight:
+        of_law = law.elastic, around.images.matrices(law.compliance)
         moment, done, square = tighten_moments(
-            model.space, cells, moment, force, free, turning, *law, ending
+            model.space, around, moment, force, free, turning, *of_law, ending
         )
         return replace(balanced(moment, law), iterations=done, square=square)
 
@@ -72,7 +75,7 @@ def plane_bulk(given: Reconstruction) -> BulkStress:
     missing = unbalanced_cells(cells, tight.stress, tight.forces, force)
     return BulkStress(
         stress=tight.stress,
-        moment=tight.moment,
+        moment=tight.moment[: len(given.boundary)],
         iterations=tight.iterations,
         correction=correction,
         square=tight.square,

@@ -16,6 +16,7 @@ from math import factorial
 
 import numpy as np
 
+from erc_contact.admissible.images import NO_IMAGES, NoImages
 from erc_contact.model.space import Space
 from namedmesh.simplex import (
     from_means,
@@ -45,6 +46,7 @@ class CellGeometry:
         J: Jacobians [length], shape (n, d, d).
         volume: Volumes [length^d], shape (n,).
         area: Outward normals times facet areas [length^(d-1)], shape (n, d+1, d).
+        images: What is known of cells that are images of others.
 
     Example:
         >>> cells = admissible.cell_geometry
@@ -63,6 +65,7 @@ class CellGeometry:
     J: np.ndarray
     volume: np.ndarray
     area: np.ndarray
+    images: NoImages = NO_IMAGES
 
     @property
     def d(self) -> int:
@@ -119,15 +122,24 @@ def cell_geometry(space: Space) -> CellGeometry:
     side = _sides(space, facets)
 
     corners = np.take_along_axis(space.cell_corners(), order[:, :, None], axis=1)
+    return CellGeometry(k, places, nodes, facets, side, corners, *shapes_of_cells(corners))
+
+
+def shapes_of_cells(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Compute J, volumes and areas of cells, see :class:`CellGeometry`.
+
+    Args:
+        corners: The vertices of the cells [length], shape (n, d+1, d).
+    """
+    d = corners.shape[2]
     edges = corners[:, 1:] - corners[:, :1]
     determinant, cofactor = _cofactor(edges)
     # The gradient of barycentric i points into the cell: -d |T| grad is an area.
-    area = np.empty((len(nodes), d + 1, d))
+    area = np.empty(corners.shape)
     area[:, 1:] = -cofactor * np.sign(determinant)[:, None, None] / factorial(d - 1)
     area[:, 0] = -area[:, 1:].sum(axis=1)
     volume = abs(determinant) / factorial(d)
-    connectivity = (places, nodes, facets, side)
-    return CellGeometry(k, *connectivity, corners, edges.transpose(0, 2, 1), volume, area)
+    return edges.transpose(0, 2, 1), volume, area
 
 
 def _sides(space: Space, facets: np.ndarray) -> np.ndarray:

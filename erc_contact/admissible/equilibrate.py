@@ -5,6 +5,7 @@ Source: Coorevits, Hild, Hjiaj, equations (9), (10); Ladeveze, Leguillon (1983).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import comb
@@ -15,13 +16,14 @@ import numpy as np
 from mpi4py import MPI
 
 from erc_contact.admissible.axisymmetric.bulk import axisymmetric_bulk
-from erc_contact.admissible.balance_parts import TooCoarse
+from erc_contact.admissible.balance_parts import Motion, TooCoarse
 from erc_contact.admissible.bulk import plane_bulk
 from erc_contact.admissible.cells import (
     CellGeometry,
     add_moments,
     cell_geometry,
     moments,
+    tractions_of,
     values_on,
 )
 from erc_contact.admissible.contact import admissible_tractions, no_traction
@@ -38,6 +40,7 @@ from erc_contact.admissible.rebalance import (
     rebalanced_stress,
 )
 from erc_contact.admissible.reconstruction import Reconstruction
+from erc_contact.admissible.shared_moments import SharedMoments
 from erc_contact.admissible.soft_contacts import with_soft_contacts
 from erc_contact.admissible.springs import (
     chosen_tractions,
@@ -45,7 +48,8 @@ from erc_contact.admissible.springs import (
     spring_tractions,
     supported_components,
 )
-from erc_contact.admissible.tighten.iteration import TIGHTEN, SharedMoments
+from erc_contact.admissible.surrounded import surrounded
+from erc_contact.admissible.tighten.iteration import TIGHTEN
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.exceptions import NotBalanced
 from erc_contact.model.space import Space
@@ -106,7 +110,7 @@ def equilibrated(
     loads = load_moments(model, cells)
     fixed = supported_components(model, cells)
     force, relief = balanced_forces(model, cells, loads, fixed, force)
-    data = _Data(solution, cells, force, relief, loads, fixed)
+    data = _Data(solution, cells, surrounded(model, cells), force, relief, loads, fixed)
     bolts = _forces_of_bolts(solution)
     others = other_forces(model, cells, loads, fixed, force, solution.u, bolts)
     try:
@@ -117,17 +121,18 @@ def equilibrated(
         # The law may leave too little for the forces of bolts.
         others = other_forces(model, cells, loads, fixed, force, solution.u, {})
         tractions = admissible_tractions(model, solution, others)
-    made = _make_pair(data, tractions, tighten, near)
+    made = _make_pair(data, tractions, others.motions, tighten, near)
     pair = made.pair
     kept = None
     if is_own:
-        kept = with_soft_contacts(model, others, pair.tractions, made.balanced, made.bulk)
+        at_contacts = [r for r in pair.tractions if not r.contact.is_periodic]
+        kept = with_soft_contacts(model, others, at_contacts, made.balanced, made.bulk)
     if kept is not None:
         # The first pair stands where the law leaves too little for the free motions
         # beside the resultants, and where the stress is not in equilibrium.
         with suppress(TooCoarse, NotBalanced):
             tractions = admissible_tractions(model, solution, kept)
-            again = _make_pair(data, tractions, tighten, near)
+            again = _make_pair(data, tractions, others.motions, tighten, near)
             pair = again.pair if again.bulk < made.bulk else pair
     seconds = model.space.comm.allreduce(perf_counter() - began, MPI.MAX)
     return replace(pair, seconds=seconds)
@@ -191,6 +196,7 @@ class _Data:
     Attributes:
         solution: The state.
         cells: Geometry, n cells.
+        around: The same with images of cells around them.
         force: Body force times volume of each cell [force], or None.
         relief: What it has more than the loads [force/volume], or None.
         loads: Moments of the loads on all facets [force], shape (facets, m, d).
@@ -199,6 +205,7 @@ class _Data:
 
     solution: Solution
     cells: CellGeometry
+    around: CellGeometry
     force: np.ndarray | None
     relief: np.ndarray | None
     loads: np.ndarray
@@ -221,13 +228,18 @@ class _Made(NamedTuple):
 
 
 def _make_pair(
-    data: _Data, tractions: list[ContactTraction], tighten: int, near: Admissible | None
+    data: _Data,
+    tractions: list[ContactTraction],
+    motions: list[Motion],
+    tighten: int,
+    near: Admissible | None,
 ) -> _Made:
     """Reconstruct a pair with given contact tractions; collective.
 
     Args:
         data: The solution with its loads.
         tractions: r^ on each contact.
+        motions: What they balance.
         tighten: Greatest number of iterations that tighten sigma^.
         near: See :func:`equilibrated`.
     """
@@ -241,7 +253,10 @@ def _make_pair(
         u_hat = admissible_displacement(model, u, tractions)
     boundary = _boundary(data, tractions)
     b = load_forces(model, cells, boundary, data.force)
-    balanced = rebalanced_stress(model, data.solution.stiffness, cells, u, b)
+    balanced = rebalanced_stress(model, data.solution.stiffness, cells, u, b, motions)
+    # Facets between copies are inside the body: sigma^ has tractions of its own there.
+    inside = [traction for traction in tractions if traction.contact.is_periodic]
+    boundary -= _moments_of(model.space, inside)
     if model.springs:
         # They pull at the displacement that is in equilibrium with their pull.
         pulled = spring_moments(model, spring_tractions(model, balanced.displacement))
@@ -249,6 +264,7 @@ def _make_pair(
     given = Reconstruction(
         model=model,
         cells=cells,
+        around=data.around,
         displacement=u_hat,
         balanced=balanced.stress,
         force=data.force,
@@ -258,7 +274,13 @@ def _make_pair(
         correction=None if near is None else near.correction,
     )
     bulk = axisymmetric_bulk(given) if model.space.axisymmetric else plane_bulk(given)
-    of_boundary = Given(bulk.boundary, data.fixed, tractions)
+    chosen = {}
+    for traction in inside:
+        values = tractions_of(model.space, bulk.moment, traction.contact.trace.here.facets)
+        chosen[traction.contact.name] = replace(traction, values=values)
+    tractions = [chosen.get(traction.contact.name, traction) for traction in tractions]
+    of_sides = _moments_of(model.space, list(chosen.values()))
+    of_boundary = Given(bulk.boundary + of_sides, data.fixed, tractions)
     imbalance = proved_imbalance(model, cells, u, bulk.missing, bulk.moment, of_boundary)
     of_springs = []
     if model.springs:
@@ -287,15 +309,20 @@ def _boundary(data: _Data, tractions: list[ContactTraction]) -> np.ndarray:
 
     A support takes up the load on its components.
     """
-    space = data.solution.model.space
-    boundary = np.where(data.fixed[:, None, :], 0.0, data.loads)
+    of_loads = np.where(data.fixed[:, None, :], 0.0, data.loads)
+    return of_loads + _moments_of(data.solution.model.space, tractions)
+
+
+def _moments_of(space: Space, tractions: Sequence[ContactTraction]) -> np.ndarray:
+    """Return the moments of tractions on all facets [force], shape (facets, m, d)."""
+    total = np.zeros((space.facet_count, len(space.facet_points), space.d))
     for traction in tractions:
         of_contact = moments(traction.area, traction.values, space.degree)
         trace = traction.contact.trace
-        add_moments(space, boundary, trace.here.facets, of_contact)
+        add_moments(space, total, trace.here.facets, of_contact)
         # Action and reaction: on the other body acts the opposite traction.
-        add_moments(space, boundary, trace.there.facets, -trace.on_there(of_contact))
-    return boundary
+        add_moments(space, total, trace.there.facets, -trace.on_there(of_contact))
+    return total
 
 
 def _of_owners(

@@ -13,6 +13,7 @@ for round-off.
   pull of springs, but for components that a support holds.
 - On each contact: what pulls in r^, and what is beyond its friction bound.
 - On each rigid face: the resultants of its free motions less the given ones.
+- On the sides of copies under a mean stress: their resultants less the given ones.
 
 With these, the resultant and the moment of all forces on each body are zero, too: they
 are sums of them.
@@ -43,6 +44,7 @@ from erc_contact.admissible.elastic import greatest_moduli, strain_digits
 from erc_contact.admissible.rebalance import nodal_forces
 from erc_contact.admissible.traction import ContactTraction
 from erc_contact.base.exceptions import NotBalanced
+from erc_contact.model.given_forces import given_forces
 from erc_contact.model.model import Model
 from erc_contact.model.motions.rigid_faces import RigidFace
 from erc_contact.model.motions.rigid_motions import greatest_of_bodies
@@ -114,6 +116,7 @@ def proved_imbalance(
     found += [_of_law(traction) for traction in given.tractions]
     for face in model.loose_faces:
         found.append(_of_face(space, cells, face, moment))
+    found += _of_sides(model, moment)
     amounts = np.concatenate([of_place for _, of_place, _ in found])
     nodes = cells.nodes[np.concatenate([of_cells for _, _, of_cells in found]), 0]
     most = greatest_of_bodies(space.comm, model.bodies, nodes, amounts)
@@ -243,6 +246,22 @@ def _of_face(space: Space, cells: CellGeometry, face: RigidFace, moment: np.ndar
     # Each rank with a part of the face tells it.
     cell = face.facets[:1, 0]
     return f"in the resultants of {face.what}", np.full(len(cell), missing), cell
+
+
+def _of_sides(model: Model, moment: np.ndarray) -> list[Found]:
+    """Return what is missing in given resultants on sides of copies; collective."""
+    found = []
+    for given in given_forces(model.scene, model):
+        if given.of_sides:
+            side = given.contact.trace.here
+            facets = model.space.facet_numbers(side.facets[side.owned])
+            # The given force acts on the other side.
+            of_rank = float(moment[facets].sum(axis=(0, 1)) @ given.direction)
+            missing = abs(model.space.comm.allreduce(of_rank) + given.force)
+            # Each rank with a part of the sides tells it.
+            cell = side.facets[:1, 0]
+            found.append((f"in the force {given.name}", np.full(len(cell), missing), cell))
+    return found
 
 
 def _between_ranks(

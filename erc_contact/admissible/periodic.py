@@ -43,10 +43,7 @@ class PeriodicFit:
         for contact in contacts:
             trace = contact.trace
             pairs.append(np.column_stack([trace.here.nodes.ravel(), trace.partners.ravel()]))
-            given = np.zeros((*trace.here.nodes.shape, space.d))
-            if contact.moved is not None:
-                given = trace.of(contact.moved.x.array)
-            jumps.append(given.reshape(-1, space.d))
+            jumps.append(contact.given_jump.reshape(-1, space.d))
         rows, first = np.unique(np.concatenate(pairs), axis=0, return_index=True)
         numbers = np.unique(rows)
         frames = frames_of(pairs, [c.trace.rotation for c in contacts], numbers, space.d)

@@ -9,7 +9,7 @@ polynomial of degree k-1 in a cell.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -18,7 +18,8 @@ from dolfinx import fem, la
 from mpi4py import MPI
 from scipy.linalg import block_diag  # type: ignore[import-untyped]
 
-from erc_contact.admissible.balance_parts import OtherForces, UnitJump
+from erc_contact.admissible.across import Across
+from erc_contact.admissible.balance_parts import Motion, OtherForces, UnitJump
 from erc_contact.admissible.cells import CellGeometry, facet_forces
 from erc_contact.admissible.elastic import CellStress, cell_stress
 from erc_contact.admissible.facets import divergence
@@ -223,7 +224,12 @@ class Rebalanced:
 
 
 def rebalanced_stress(
-    model: Model, elastic: ElasticSolver, cells: CellGeometry, u: fem.Function, b: fem.Function
+    model: Model,
+    elastic: ElasticSolver,
+    cells: CellGeometry,
+    u: fem.Function,
+    b: fem.Function,
+    motions: Sequence[Motion],
 ) -> Rebalanced:
     """Compute the stress in exact discrete equilibrium with nodal forces b; collective.
 
@@ -232,7 +238,7 @@ def rebalanced_stress(
     the contact solve. If displacements are large compared to the strains, as in a body
     that slides far, their round-off is not small compared to the forces, and another
     solve follows. A scene without contact, whose loads do not vary in space, needs
-    none.
+    none. Between copies of a body b gets the forces by which what moves fits.
 
     Args:
         model: The scene on a mesh.
@@ -240,6 +246,7 @@ def rebalanced_stress(
         cells: Geometry, n cells.
         u: Displacement of the contact solve [length].
         b: Nodal forces, not yet summed over ranks [force].
+        motions: What the tractions of b balance.
     """
     stress = cell_stress(model, cells, u)
     balanced = u
@@ -259,12 +266,22 @@ def rebalanced_stress(
                 break
             tolerance = max(SOLVE_SHARE * FORCE_ROUND_OFF / size, np.finfo(float).eps)
             change = elastic.solve(residual, supports=False, tolerance=tolerance)
+            if missing is None and model.domain.periodic:
+                between, moved = Across(model, motions).forces(elastic, _sum(u, change))
+                b, change = _sum(b, between), _sum(change, moved)
             if missing is None:
                 missing, first = residual, change
             stress = stress.plus(cell_stress(model, cells, change, change=True))
             if model.springs:
                 balanced.x.array[:] += change.x.array
     return Rebalanced(_stress_of_owners(model.space, cells, stress), balanced, missing, first)
+
+
+def _sum(first: fem.Function, second: fem.Function) -> fem.Function:
+    """Return the sum of two displacements, or of two vectors of nodal forces."""
+    total = first.copy()
+    total.x.array[:] += second.x.array
+    return total
 
 
 def _stress_of_owners(space: Space, cells: CellGeometry, stress: CellStress) -> CellStress:

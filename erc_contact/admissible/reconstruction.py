@@ -11,6 +11,7 @@ from dolfinx import fem
 from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.elastic import CellStress
 from erc_contact.admissible.facets import equilibrated_moments
+from erc_contact.admissible.shared_moments import SharedMoments
 from erc_contact.model.model import Model
 from namedmesh.simplex import mass
 
@@ -22,6 +23,8 @@ class Reconstruction:
     Attributes:
         model: The scene on a mesh.
         cells: Geometry, n cells.
+        around: The same with images of cells around them, see
+            :mod:`erc_contact.admissible.surrounded`; F facets.
         displacement: u^ [length].
         balanced: The stress in discrete equilibrium with all tractions.
         force: Body force times volume of each cell [force], shape (n, N_(k-1), d), or
@@ -31,11 +34,12 @@ class Reconstruction:
         fixed: Components of boundary facets whose traction is not given, shape (facets,
             d).
         tighten: Greatest number of iterations that tighten the stress.
-        correction: What they start from, moments of all facets [force], or None.
+        correction: What they start from, moments of F facets [force], or None.
     """
 
     model: Model
     cells: CellGeometry
+    around: CellGeometry
     displacement: fem.Function
     balanced: CellStress
     force: np.ndarray | None
@@ -51,18 +55,26 @@ class Reconstruction:
             fixed: As in the attribute.
 
         Returns:
-            Moments on the first side of each facet [force], shape (facets, m, d).
+            Moments on the first side of each facet [force], shape (F, m, d).
         """
-        model, cells = self.model, self.cells
+        model, cells, around = self.model, self.cells, self.around
         body = None
         if self.force is not None:
             body = np.matmul(mass(cells.d, cells.degree, cells.degree - 1), self.force)
         body = self.balanced.as_body_force(body)
+        if body is not None:
+            body = around.images.vectors(body)
         # A rank has all cells around the nodes of its own cells, but not around others.
-        complete = np.zeros(len(model.fixed), dtype=bool)
+        complete = np.zeros(len(model.fixed) + around.images.more_nodes, dtype=bool)
         complete[model.space.nodes[: model.domain.owned_cells]] = True
-        stress = self.balanced.in_plane
-        return equilibrated_moments(cells, stress, body, self.boundary, fixed, complete)
+        stress = around.images.tensors(self.balanced.in_plane)
+        boundary = around.images.moments(self.boundary)
+        of_facets = (boundary, around.images.of_facets(fixed))
+        moment = equilibrated_moments(around, stress, body, *of_facets, complete)
+        if around is not cells:
+            # A rank may lack the patches at one side of a pair of facets.
+            moment = SharedMoments(model.space, around).agreed(moment)
+        return moment
 
 
 class BulkStress(NamedTuple):
@@ -73,7 +85,8 @@ class BulkStress(NamedTuple):
             s).
         moment: Moments of the facet tractions [force], shape (facets, m, d).
         iterations: Number of iterations that tightened it.
-        correction: What they have added to the moments [force]; None without any.
+        correction: What they have added to the moments of F facets [force]; None
+            without any.
         square: Bound of the bulk part of e^2, before bubbles are chosen [force length];
             infinite where nothing was tightened.
         missing: Greatest missing force in each owned cell, and greatest force [force].

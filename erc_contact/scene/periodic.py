@@ -7,9 +7,9 @@ other one, where the next copy begins. So displacement and traction are
 
 with the mean strain E, which only translations have. That is the law of a contact
 between both sides that sticks and cannot open, whatever the traction, whose other side
-is seen through the motion. So both sides are a contact of the scene: its multiplier is
-the traction, its admissible tractions are all that are opposite, and it adds nothing to
-e. No other stage knows copies.
+is seen through the motion. So both sides are a contact of the scene for the solver. The
+admissible stress knows no sides: their facets are facets inside the body of all copies
+(:mod:`erc_contact.admissible.surrounded`), and add nothing to e.
 
 Where the mean stress S is given, components of the jump ``E t`` are unknown. They are
 shifts that are found for a force, as the shifts of preloads are: the side with the area

@@ -2,11 +2,11 @@
 
 Properties: a laminate is exact, and its stiffness is the closed form, by strains and by
 stresses; sigma^ has a mean stress that is given to round-off; a sector has the
-displacement of the whole disc; u^ fits across the sides and the tractions are opposite,
-to round-off; sides may meet on the axis; the intervals of the energy hold the energies of
-finer meshes, and under a mean stress the intervals of numbers hold the numbers; motions
-that copies leave free are free; a wavy surface has Westergaard's contact; ranks, solvers
-and methods change nothing; what cannot be is told on all ranks.
+displacement of the whole disc, and its error; u^ fits across the sides and the tractions
+are opposite, to round-off; sides may meet on the axis; the intervals of the energy hold
+the energies of finer meshes, and under a mean stress the intervals of numbers hold the
+numbers; motions that copies leave free are free; a wavy surface has Westergaard's
+contact; ranks, solvers and methods change nothing; what cannot be is told on all ranks.
 """
 
 from dataclasses import replace
@@ -20,6 +20,8 @@ from scenes import AUGMENTED, certified
 
 import erc_contact as ec
 import namedmesh as nm
+from erc_contact.admissible.across import FITS
+from erc_contact.admissible.cells import values_on
 from erc_contact.error.contact import contact_squares
 from namedmesh.base.releases import cell_nodes
 from namedmesh.partition import distribute
@@ -89,6 +91,13 @@ def assert_fits(error):
         here, there = (error.force(name).force for name in contact.side_names)
         scale = np.linalg.norm(here) + 1e-3
         assert abs(here + trace.seen(there)).max() < 1e-13 * scale
+        # sigma^ has opposite tractions, moment by moment.
+        moments = error.admissible.facet_moments
+        on_here, on_there = (
+            values_on(error.model.space, moments, side.facets) for side in (trace.here, trace.there)
+        )
+        left = abs(on_there + trace.on_there(on_here)).max(initial=0.0)
+        assert left <= 1e-14 * COMM.allreduce(float(abs(moments).max(initial=0.0)), MPI.MAX)
     balance = error.reactions()["balance"]
     assert abs(balance.force).max() < 1e-12
     for traction in error.admissible.tractions:
@@ -101,6 +110,16 @@ def assert_fits(error):
 
 # -- layers
 # ---------------------------------------------------------------------------------------------------
+
+
+def assert_same_error(one, every, copies, rtol=5 * FITS):
+    """Facets on the sides are facets inside: e^2 of all copies is e^2 of the whole.
+
+    The forces between copies fit to a small part, so that stresses do before they are
+    tightened, and after as many iterations.
+    """
+    assert one.admissible.tightening == every.admissible.tightening
+    assert np.isclose(np.sqrt(copies) * one.absolute, every.absolute, rtol=rtol, atol=0.0)
 
 
 def laminate_energy(strain):
@@ -192,6 +211,7 @@ def test_a_sector_is_the_whole_disc(degree):
     assert abs(of_whole - u).max() < 1e-12 * abs(u).max()
     energies = [ec.potential_energy(error).value for error in (one, every)]
     assert np.isclose(SECTORS * energies[0], energies[1], rtol=1e-12)
+    assert_same_error(one, every, SECTORS)
     # All copies of a pressure have no force, and of a torque the whole.
     whole = ec.results.whole_force(one, "inner")
     assert abs(whole.force).max() < 1e-15
@@ -288,6 +308,8 @@ def test_sides_may_meet_on_the_axis(d, sectors, degree):
     energies = [ec.potential_energy(error) for error in (one, every)]
     assert np.isclose(sectors * energies[0].value, energies[1].value, rtol=1e-8)
     assert sectors * energies[0].low < energies[1].value
+    # At nodes of the rim and of both sides the method has other multipliers of the rim.
+    assert_same_error(one, every, sectors, rtol=1e-3)
     assert_fits(one)
 
 

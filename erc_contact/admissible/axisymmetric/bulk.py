@@ -15,9 +15,9 @@ from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.reconstruction import BulkStress, Reconstruction
 from erc_contact.admissible.tighten.iteration import Ending
 from erc_contact.admissible.tighten.rounds import CellLaw, Tight, tightened_in_rounds
-from erc_contact.model.meridian import nodes_off_axis, without_axis
+from erc_contact.model.meridian import without_axis
 from erc_contact.model.space import Space
-from namedmesh.simplex import mass
+from namedmesh.simplex import mass, of_facets
 
 
 def axisymmetric_bulk(given: Reconstruction) -> BulkStress:
@@ -26,24 +26,30 @@ def axisymmetric_bulk(given: Reconstruction) -> BulkStress:
     The first tractions are found as in the plane, with the hoop force of the solver as
     a body force, and moved off the axis.
     """
-    model, cells = given.model, given.cells
+    model, cells, around = given.model, given.cells, given.around
     owned = model.domain.owned_cells
-    off = _off_axis(model.space, cells)
+    count = len(given.boundary)
+    off = _off_axis(model.space, around)
     # Nodes on the axis have no radial equilibrium: whatever is left there is free.
     with_axis = given.fixed.copy()
-    with_axis[:, 0] |= ~off.any(axis=1)
+    with_axis[:, 0] |= ~off[:count].any(axis=1)
     first = without_axis(given.first_moments(with_axis), off)
-    elements = Elements(model.space, cells, given.force)
+    force = None if given.force is None else around.images.vectors(given.force)
+    elements = Elements(model.space, around, force)
     law = _law(given)
+
+    def energies_of(law: CellLaw) -> CellEnergies:
+        return elements.energies(law.elastic, around.images.matrices(law.compliance))
 
     def balanced(forces: np.ndarray, energies: CellEnergies) -> Tight:
         of_cells = moments_of_cells(cells, forces)[:owned]
         return Tight(forces, of_cells, elements.stresses(of_cells, energies))
 
-    free = off[..., None] & (cells.has_second[:, None] | given.fixed)[:, None, :]
+    free_of_facets = around.has_second[:, None] | around.images.of_facets(given.fixed)
+    free = off[..., None] & free_of_facets[:, None, :]
 
     def tighten(forces: np.ndarray, law: CellLaw, ending: Ending) -> Tight:
-        energies = elements.energies(*law)
+        energies = energies_of(law)
         forces, done, square = tighten_forces(model.space, elements, energies, forces, free, ending)
         return replace(balanced(forces, energies), iterations=done, square=square)
 
@@ -56,16 +62,16 @@ def axisymmetric_bulk(given: Reconstruction) -> BulkStress:
         tight = tightened_in_rounds(given, forces, law, tighten)
         correction = np.matmul(to_moments, tight.moment - first)
     else:
-        tight = balanced(first, elements.energies(*law))
+        tight = balanced(first, energies_of(law))
     return BulkStress(
         stress=tight.stress,
-        moment=np.matmul(to_moments, tight.moment),
+        moment=np.matmul(to_moments, tight.moment[:count]),
         iterations=tight.iterations,
         correction=correction,
         square=tight.square,
         missing=missing_forces(elements, tight.stress, tight.forces),
         # Springs pull at the axis, too, where sigma^ vanishes.
-        boundary=np.matmul(to_moments, without_axis(given.boundary, off)),
+        boundary=np.matmul(to_moments, without_axis(given.boundary, off[:count])),
     )
 
 
@@ -82,5 +88,5 @@ def _law(given: Reconstruction) -> CellLaw:
 
 def _off_axis(space: Space, cells: CellGeometry) -> np.ndarray:
     """Tell which nodes of facets are off the axis, shape (facets, m)."""
-    nodes_on_axis = space.section.on_axis(space.V.tabulate_dof_coordinates())
-    return nodes_off_axis(~nodes_on_axis[cells.vertices_of_facets], cells.degree)
+    cell, i = np.divmod(np.maximum(cells.side[0], 0), cells.d + 1)
+    return space.section.off_axis(of_facets(cells.corners[cell], i), cells.degree)

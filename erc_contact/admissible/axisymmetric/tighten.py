@@ -27,7 +27,8 @@ from mpi4py import MPI
 from erc_contact.admissible.axisymmetric.elements import CellEnergies, Elements
 from erc_contact.admissible.axisymmetric.kernels import BLOCK, ring_kernels
 from erc_contact.admissible.cells import CellGeometry
-from erc_contact.admissible.tighten.iteration import Ending, SharedMoments, minimise
+from erc_contact.admissible.shared_moments import SharedMoments
+from erc_contact.admissible.tighten.iteration import Ending, minimise
 from erc_contact.admissible.tighten.patches import rings
 from erc_contact.model.space import Space
 

@@ -22,10 +22,10 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from dolfinx import la
 from mpi4py import MPI
 
-from erc_contact.admissible.cells import CellGeometry, facet_order
+from erc_contact.admissible.cells import CellGeometry
+from erc_contact.admissible.shared_moments import SharedMoments
 from erc_contact.admissible.tighten.blocks import Blocks
 from erc_contact.admissible.tighten.complementary import ComplementaryEnergy
 from erc_contact.admissible.tighten.patches import Patches
@@ -171,54 +171,3 @@ def minimise(
         if (ending.begun + done) * gain < ending.remainder * square:
             break
     return done, square
-
-
-class SharedMoments:
-    """Sum and multiply values for the moments of facets (F, m, d) over the ranks.
-
-    Args:
-        space: The mesh.
-        cells: Geometry.
-
-    Attributes:
-        mine: Facets whose node of least global number this rank owns, shape (F,).
-        shared: Facets of this rank that other ranks have, too. Only their values
-            travel.
-    """
-
-    def __init__(self, space: Space, cells: CellGeometry) -> None:
-        self.comm = space.comm
-        self.facets = space.mesh.topology.index_map(cells.d - 1)
-        vertices = cells.vertices_of_facets
-        # Ranks number, and so sort, the nodes differently.
-        order = facet_order(space.global_numbers(vertices), cells.degree)
-        least = np.take_along_axis(vertices, order[:, :1], axis=1)[:, 0]
-        self.mine = least < space.V.dofmap.index_map.size_local
-        if self.comm.size > 1:
-            ghosts = la.vector(self.facets)
-            ghosts.array[self.facets.size_local :] = 1.0
-            ghosts.scatter_reverse(la.InsertMode.add)
-            self.shared = np.flatnonzero(ghosts.array)
-            self.order = order[self.shared, :, None]
-            self.vector = la.vector(self.facets, order.shape[1] * cells.d)
-
-    def total(self, values: np.ndarray) -> np.ndarray:
-        """Sum the values of all ranks for each facet, in place; collective."""
-        if self.comm.size > 1:
-            # The vector has an order of the nodes that all ranks agree on.
-            rows = self.vector.array.reshape(values.shape)
-            rows[self.shared] = np.take_along_axis(values[self.shared], self.order, axis=1)
-            self.vector.scatter_reverse(la.InsertMode.add)
-            self.vector.scatter_forward()
-            summed = np.empty((len(self.shared), *values.shape[1:]))
-            np.put_along_axis(summed, self.order, rows[self.shared], axis=1)
-            values[self.shared] = summed
-        return values
-
-    def dot(self, a: np.ndarray, b: np.ndarray) -> float:
-        """Compute the scalar product over the owned facets of all ranks; collective."""
-        owned = self.facets.size_local
-        # This is einsum, not vdot: the threads of BLAS cost a hundred times the product
-        # where other processes want the cores.
-        local = float(np.einsum("fmi,fmi->", a[:owned], b[:owned]))
-        return self.comm.allreduce(local, MPI.SUM)

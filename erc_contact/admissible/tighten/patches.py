@@ -40,6 +40,7 @@ import numpy as np
 
 from erc_contact.admissible.cells import CellGeometry
 from erc_contact.admissible.kernels import kernels
+from erc_contact.admissible.shared_moments import global_numbers
 from erc_contact.admissible.tighten.tables import stress_map, upper_entries
 from erc_contact.model.space import Space
 from namedmesh.simplex import facet_vertices, nodes
@@ -106,6 +107,8 @@ class Patches:
         )
         m = len(nodes(d - 1, cells.degree))
         of_rings = (m, len(self.size), self.ring, self.size)
+        if cells.images.more_nodes:
+            self.scale[_in_batches(counts, lanes)] /= _turns_about(cells, self.ring, self.size)
         self._apply = kernels(d).bound(
             "apply_patches", *of_rings, cells.edges, cells.side, *factors
         )
@@ -119,6 +122,29 @@ class Patches:
         z = np.zeros_like(r)
         self._apply(r, z)
         return z
+
+
+def _in_batches(counts: np.ndarray, lanes: int) -> np.ndarray:
+    """Return the place of each patch, of which as many of a size are side by side.
+
+    Args:
+        counts: Number of the patches of each size, shape (sizes,).
+        lanes: Number of patches side by side.
+    """
+    begin = lanes * np.append(0, np.cumsum(-(-counts // lanes)))[:-1]
+    within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    return np.repeat(begin, counts) + within
+
+
+def _turns_about(cells: CellGeometry, ring: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """Return how many motions between copies leave each ring in place, shape (H,).
+
+    Such a ring is met once by each of them, and counts once.
+    """
+    d = cells.d
+    facet, j = np.divmod(ring[np.cumsum(size) - size] // 2, d)
+    centres = cells.vertices_of_facets[facet[:, None], facet_vertices(d - 1)[j]]
+    return np.asarray(cells.images.turns_about(centres))
 
 
 @cache
@@ -148,14 +174,15 @@ def rings(space: Space, cells: CellGeometry) -> tuple[np.ndarray, np.ndarray]:
     """
     d = cells.d
     nodes = cells.vertices_of_facets
-    number = space.global_numbers(nodes)
     owned = space.V.dofmap.index_map.size_local
+    number = global_numbers(space, cells, nodes)
     has_cell = cells.side[0] >= 0
     facets = np.arange(len(nodes))
     mine = np.empty(nodes.shape, dtype=bool)
     for j, centre in enumerate(facet_vertices(d - 1)):
         first = number[:, centre].argmin(axis=1)
         mine[:, j] = (nodes[facets, centre[first]] < owned) & has_cell
+        mine[:, j] &= cells.images.are_own(nodes[:, centre])
     steps = int(mine.sum())
     ring, size = np.empty((2, steps), dtype=np.int32)
     count = kernels(d)(

@@ -210,6 +210,13 @@ class ContactOnMesh:
         """Tell whether its sides are sides of copies of a body."""
         return self.friction_set is WHOLE
 
+    @property
+    def given_jump(self) -> np.ndarray:
+        """Return the jump that its motion gives at the nodes [length], (f, m, d)."""
+        if self.moved is None:
+            return np.zeros(self.trace.here.places.shape)
+        return self.trace.of(self.moved.x.array)
+
     def with_shares(self, friction: Ufl, gap: Ufl) -> ContactOnMesh:
         """Return the contact with factors, by which a solver goes in steps.
 

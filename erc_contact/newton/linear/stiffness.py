@@ -34,6 +34,7 @@ from typing import ClassVar
 import numpy as np
 from dolfinx import fem
 from petsc4py import PETSc
+from scipy.linalg import lu_factor, lu_solve  # type: ignore[import-untyped]
 from scipy.sparse import csr_array  # type: ignore[import-untyped]
 
 from erc_contact.base.exceptions import InputError, together
@@ -126,6 +127,7 @@ class Stiffness(ElasticEquations):
         self._reduced: tuple[np.ndarray, np.ndarray] | None = None
         self._factor: Factor | Substructures | None = None
         self._matrix: PETSc.Mat | None = None
+        self._unglued: tuple[np.ndarray, np.ndarray] | None = None
         if self.layer.contact_size:
             groups = model.connections.groups
             self.basis = JumpBasis(groups, self.layer.numbers, self.layer.contact_size)
@@ -170,7 +172,10 @@ class Stiffness(ElasticEquations):
             schur, _ = self.reduce(a)
             # What bodies are glued to may be moved by supports.
             by_supports = glue_forces - self.glued_by @ glued_A
-            return np.linalg.solve(self.definite(a), schur @ glued_A + by_supports)
+            if self._unglued is None:
+                self._unglued = lu_factor(self.definite(a), overwrite_a=True, check_finite=False)
+            right = schur @ glued_A + by_supports
+            return np.asarray(lu_solve(self._unglued, right, check_finite=False))
 
         u_A = together(self.model.space.comm, unglue)
         return self.expand(u_0, u_A, None)
@@ -291,7 +296,7 @@ class Stiffness(ElasticEquations):
         for made in (self._factor, self._matrix):
             if made is not None:
                 made.destroy()
-        self._factor = self._matrix = None
+        self._factor = self._matrix = self._unglued = None
 
     def make(self) -> None:
         """Make the factor, if there is none; collective."""
