@@ -23,7 +23,6 @@ from erc_contact.base.runtime.garbage import free_dropped
 from erc_contact.base.sparse import as_entries, for_products
 from erc_contact.model.data.over_ranks import product
 from erc_contact.model.model import Model
-from erc_contact.newton.linear.changed import DIFFERENT
 from erc_contact.newton.linear.elastic import ElasticEquations
 from erc_contact.newton.linear.factor_cost import cycles_of_factor
 from erc_contact.newton.linear.hierarchy import Hierarchy, free_motions, hold, weak_share
@@ -151,7 +150,6 @@ class Multigrid(ElasticEquations):
                 self.model,
                 self.matrix,
                 self.operator,
-                self._contact_places(),
                 self.glue.matrix(),
                 weak_share(self.model),
                 support_stiffness=self.support_stiffness,
@@ -482,22 +480,3 @@ class Multigrid(ElasticEquations):
             comm = self.model.space.mesh.comm
             self._matrix = as_entries(blocks, comm)
             self._operator = for_products(blocks, comm)
-
-    def _contact_places(self) -> PETSc.Mat | None:
-        """Return zeros wherever contacts add to a matrix, or None if K has them all.
-
-        Contacts couple the cells of one body with the nodes of another one. A factor of
-        K with these zeros would take ten times the operations in an assembly of solids.
-        """
-        if not self.model.connections.any:
-            return None
-        # Contacts have few nodes, so that only a few rows of K are multiplied.
-        couplings = self.model.connections.couplings
-        places = self.matrix.matMult(couplings)
-        transposed = places.transpose(PETSc.Mat())
-        between_contacts = couplings.transposeMatMult(places)
-        for more in (transposed, between_contacts):
-            places.axpy(1.0, more, DIFFERENT)
-            more.destroy()
-        places.zeroEntries()
-        return places
