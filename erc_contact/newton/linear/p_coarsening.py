@@ -48,7 +48,7 @@ FINE_OPTIONS = {
 
 The smoother's greatest eigenvalue is estimated for the glued contact. A tangent may
 have 1.3 of it, and beyond its interval Chebyshev's method amplifies: with PETSc's 1.1
-for 1.3 an assembly of 18 solids took 868 cycles, not 293. A cube takes 50, not 53.
+for 1.3 an assembly of 18 solids took 805 cycles, not 293. A cube takes 50, not 53.
 """
 CYCLES_BELOW = 2
 """Cycles on the coarse matrix in one cycle on both.
