@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -44,6 +45,8 @@ It is a share of the diagonal of the box around the curve or surface [-].
 """
 SAME_POINT = 1e-7
 """Distance of two closest points on an arc that are one, over its radius [-]."""
+Below = Callable[[int, int], frozenset[tuple[int, int]]]
+"""Function that tells what bounds an entity of gmsh's, given as dimension and tag."""
 
 
 class _OneModel:
@@ -244,13 +247,15 @@ def _nearest(model: Any, tags: Mapping[int, int], x: np.ndarray, marks: np.ndarr
     """
     d = x.shape[1]
     result = x.copy()
-    for row in np.unique(marks, axis=0):
-        selected = np.all(marks == row, axis=1)
+    below = cache(partial(_below, model))
+    rows, number = np.unique(marks, axis=0, return_inverse=True)
+    for place, row in enumerate(rows):
+        selected = number.ravel() == place
         faces = [(d - 1, tags[mark]) for mark in row if mark >= 0]
         flat = in_space(x[selected])
         candidates = []
-        for dim, tag in _common(model, faces):
-            candidates.append(_closest(model, dim, tag, flat)[:, :d])
+        for dim, tag in _common(below, faces):
+            candidates.append(_closest(model, below, dim, tag, flat)[:, :d])
         # There may be several common places, or none: then points stay.
         if candidates:
             points = np.array(candidates)
@@ -259,7 +264,12 @@ def _nearest(model: Any, tags: Mapping[int, int], x: np.ndarray, marks: np.ndarr
     return result
 
 
-def _closest(model: Any, dim: int, tag: int, x: np.ndarray) -> np.ndarray:
+def _below(model: Any, dim: int, tag: int) -> frozenset[tuple[int, int]]:
+    """Return the corners at the ends of a curve, or the curves around a surface."""
+    return frozenset((dim - 1, int(end)) for end in model.getAdjacencies(dim, tag)[1])
+
+
+def _closest(model: Any, below: Below, dim: int, tag: int, x: np.ndarray) -> np.ndarray:
     """Return the closest points on a corner, curve or surface [length], shape (n, 3).
 
     gmsh knows points to which the way is at a right angle. A point beyond the end of a
@@ -268,6 +278,7 @@ def _closest(model: Any, dim: int, tag: int, x: np.ndarray) -> np.ndarray:
 
     Args:
         model: gmsh's current model.
+        below: What bounds each curve or surface.
         dim: Dimension of the entity.
         tag: Its tag.
         x: Points [length], shape (n, 3).
@@ -282,8 +293,8 @@ def _closest(model: Any, dim: int, tag: int, x: np.ndarray) -> np.ndarray:
     far = np.flatnonzero(distance > FAR * np.linalg.norm(high - low))
     if not len(far):
         return closest
-    for place in _ends(model, dim, tag):
-        of_end = _closest(model, *place, x[far])
+    for place in _ends(model, below, dim, tag):
+        of_end = _closest(model, below, *place, x[far])
         its_distance = np.linalg.norm(of_end - x[far], axis=1)
         closer = its_distance < distance[far]
         closest[far[closer]] = of_end[closer]
@@ -291,34 +302,32 @@ def _closest(model: Any, dim: int, tag: int, x: np.ndarray) -> np.ndarray:
     return closest
 
 
-def _ends(model: Any, dim: int, tag: int) -> set[tuple[int, int]]:
+def _ends(model: Any, below: Below, dim: int, tag: int) -> set[tuple[int, int]]:
     """Return the ends of a curve, or the curves of the rim of a surface.
 
     A curve without length, as at the pole of a sphere, is its corner: gmsh knows no
     point of it.
     """
-    ends = {(dim - 1, int(end)) for end in model.getAdjacencies(dim, tag)[1]}
-    for end in list(ends):
-        corners = {int(corner) for corner in model.getAdjacencies(*end)[1]}
-        if dim == 2 and len(corners) == 1 and model.getType(*end) == "Unknown":
+    ends = set(below(dim, tag))
+    for end in below(dim, tag):
+        if dim == 2 and len(below(*end)) == 1 and model.getType(*end) == "Unknown":
             ends.remove(end)
-            ends.add((0, corners.pop()))
+            ends |= below(*end)
     return ends
 
 
-def _common(model: Any, faces: list[tuple[int, int]]) -> list[tuple[int, int]]:
+def _common(below: Below, faces: list[tuple[int, int]]) -> list[tuple[int, int]]:
     """Return what curves or surfaces have in common, of the greatest dimension.
 
     A surface alone is its own. Two or more have common edges, or else common corners.
     """
     if len(faces) == 1:
         return faces
-    bounds = [{face} for face in faces]
-    for dim in range(faces[0][0] - 1, -1, -1):
+    bounds = [frozenset({face}) for face in faces]
+    for _ in range(faces[0][0]):
         for number, entities in enumerate(bounds):
-            below = [model.getAdjacencies(*entity)[1] for entity in entities]
-            bounds[number] = {(dim, int(tag)) for tags in below for tag in tags}
-        common = set.intersection(*bounds)
+            bounds[number] = frozenset(end for entity in entities for end in below(*entity))
+        common = frozenset.intersection(*bounds)
         if common:
             return sorted(common)
     return []
@@ -344,9 +353,10 @@ def _normals(model: Any, tags: Mapping[int, int], x: np.ndarray, marks: np.ndarr
         if model.getType(*place) == "Circle":
             result[selected] = _Arc(model, tags[mark]).outward(in_space(x[selected]))[:, :d]
             continue
-        closest, _ = model.getClosestPoint(*place, in_space(x[selected]).ravel())
-        parameters = model.getParametrization(*place, closest)
+        closest, parameters = model.getClosestPoint(*place, in_space(x[selected]).ravel())
         if d == 2:
+            # Of a curve these may be other parameters than the derivative has.
+            parameters = model.getParametrization(1, tags[mark], closest)
             tangents = np.reshape(model.getDerivative(1, tags[mark], parameters), (-1, 3))
             normals = np.column_stack([tangents[:, 1], -tangents[:, 0]])
         else:

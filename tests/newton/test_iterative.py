@@ -200,18 +200,23 @@ def test_cycles_at_degree_2(below, monkeypatch):
     assert max(cycles) <= 15
 
 
+@pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("scene", ["foundation", "two bodies"])
-def test_blocks_multiply_as_entries_do(scene):
+def test_blocks_multiply_as_entries_do(scene, d):
     """At degree 2 K is multiplied in blocks, and what contacts change beside it."""
-    domain, contact = cube(), ec.Contact("bottom", friction=0.3)
-    fixed = ["top"]
+    domain, contact = bricks(d, (2,) * (d - 1) + (1,)), ec.Contact(NAMES[0], friction=0.3)
     if scene == "two bodies":
-        domain, contact = bricks(3, (2, 2, 1)), ec.Contact(NAMES[0], against=NAMES[1], friction=0.3)
-        fixed = ["upper outer", "lower outer"]
-    supports = [ec.Displacement(part, (0.0, 0.0, -0.05)) for part in fixed]
+        contact = replace(contact, against=NAMES[1])
+    supports = []
+    for part in ("upper outer", "lower outer"):
+        supports.append(ec.Displacement(part, (0.0,) * (d - 1) + (-0.05,)))
     model = bind(ec.Scene(ec.Elastic(1.0, 0.3), supports, contacts=[contact]), domain, 2)
     elastic = multigrid.Multigrid(model)
     hierarchy = elastic.hierarchy
+    # A factor of K sees the bodies apart.
+    info = PETSc.Mat.InfoType.GLOBAL_SUM
+    entries_alone = elastic.stiffness().getInfo(info)["nz_used"]
+    assert elastic.matrix.getInfo(info)["nz_used"] == entries_alone
     for share in (0.0, 1.0, 0.5):
         hierarchy.set_share(share)
         entries = elastic.matrix.copy()

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from petsc4py import PETSc
 
-from erc_contact.base.sparse import as_blocks
+from erc_contact.base.sparse import summed
 
 SAME = PETSc.Mat.Structure.SAME_NONZERO_PATTERN
 DIFFERENT = PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
@@ -24,17 +24,21 @@ class ChangedEntries:
     """Hold K + C as single entries; members are collective.
 
     Args:
-        stiffness: K [force/length]. No C may have entries where it has none.
+        stiffness: K [force/length].
+        places: Zeros where changes have entries that K does not have; None without any.
         scale: Factor of K + C [length/force].
 
     Attributes:
         matrix: K + C times the scale [-].
     """
 
-    def __init__(self, stiffness: PETSc.Mat, scale: float) -> None:
-        self.matrix = stiffness.copy()
+    def __init__(self, stiffness: PETSc.Mat, places: PETSc.Mat | None, scale: float) -> None:
+        self._with_places = None
+        if places is not None:
+            self._with_places = summed([stiffness, places], None)
+        self._stiffness = self._with_places or stiffness
+        self.matrix = self._stiffness.copy()
         self.matrix.scale(scale)
-        self._stiffness = stiffness
         self._scale = scale
 
     def change(self, change: PETSc.Mat) -> None:
@@ -50,6 +54,8 @@ class ChangedEntries:
     def free(self) -> None:
         """Free PETSc's objects."""
         self.matrix.destroy()
+        if self._with_places is not None:
+            self._with_places.destroy()
 
 
 class ChangedBlocks:
@@ -57,21 +63,17 @@ class ChangedBlocks:
 
     Args:
         stiffness: K [force/length].
+        blocks: K in blocks of nodes.
         scale: Factor of K + C [length/force].
-        dimension: Size of the blocks.
-        blocks: K in blocks, which stays its owner's; None if there is none yet.
 
     Attributes:
         matrix: K + C times the scale [-], of which PETSc knows products and the
             diagonal only.
     """
 
-    def __init__(
-        self, stiffness: PETSc.Mat, scale: float, dimension: int, blocks: PETSc.Mat | None = None
-    ) -> None:
-        self._own_blocks = as_blocks(stiffness, dimension) if blocks is None else None
+    def __init__(self, stiffness: PETSc.Mat, blocks: PETSc.Mat, scale: float) -> None:
         self._stiffness = stiffness
-        self._sum = _Sum(blocks or self._own_blocks, scale)
+        self._sum = _Sum(blocks, scale)
         self.matrix = PETSc.Mat().createPython(
             stiffness.getSizes(), context=self._sum, comm=stiffness.comm
         )
@@ -89,15 +91,15 @@ class ChangedBlocks:
         """Copy the matrix to a matrix of single entries [-]."""
         matrix = self._stiffness.copy()
         if self._sum.change is not None:
-            matrix.axpy(1.0, self._sum.change, SUBSET)
+            matrix.axpy(1.0, self._sum.change, DIFFERENT)
         matrix.scale(self._sum.scale)
         return matrix
 
     def free(self) -> None:
         """Free PETSc's objects."""
-        for owned in (self.matrix, self._sum.change, self._own_blocks):
-            if owned is not None:
-                owned.destroy()
+        self.matrix.destroy()
+        if self._sum.change is not None:
+            self._sum.change.destroy()
 
 
 class _Sum:

@@ -15,7 +15,7 @@ from typing import Self
 
 import numpy as np
 import ufl
-from dolfinx import fem
+from dolfinx import fem, la
 from dolfinx.fem import petsc as fp
 from petsc4py import PETSc
 
@@ -119,12 +119,9 @@ class ElasticEquations:
 
         Where supports fix a component its row and column have the diagonal entry alone.
         """
-        blocks = self.stiffness_in_blocks()
-        matrix = as_entries(blocks)
-        blocks.destroy()
-        return matrix
+        return as_entries(self.stiffness_in_blocks(), self.model.space.mesh.comm)
 
-    def stiffness_in_blocks(self) -> PETSc.Mat:
+    def stiffness_in_blocks(self) -> la.MatrixCSR:
         """Assemble K in blocks of nodes [force/length]."""
         return assembled(self.form, self.model.bcs, self.support_stiffness)
 

@@ -23,7 +23,6 @@ from erc_contact.base.runtime.garbage import free_dropped
 from erc_contact.base.sparse import as_entries, for_products
 from erc_contact.model.data.over_ranks import product
 from erc_contact.model.model import Model
-from erc_contact.newton.linear.changed import DIFFERENT
 from erc_contact.newton.linear.elastic import ElasticEquations
 from erc_contact.newton.linear.factor_cost import cycles_of_factor
 from erc_contact.newton.linear.hierarchy import Hierarchy, free_motions, hold, weak_share
@@ -243,7 +242,7 @@ class Multigrid(ElasticEquations):
 
         def inside(x: PETSc.Vec, result: PETSc.Vec) -> None:
             connections.let_go(x, free, held)
-            self.matrix.mult(free, left)
+            self.operator.mult(free, left)
             connections.let_go(left, result, held)
             # What is held has a stiffness of its own.
             free.aypx(-1.0, x)
@@ -475,28 +474,9 @@ class Multigrid(ElasticEquations):
     def _assemble(self) -> None:
         """Assemble K in both forms."""
         if self.model.space.degree == 1:
-            self._matrix = self._operator = self._with_places(self.stiffness())
+            self._matrix = self._operator = self.stiffness()
         else:
             blocks = self.stiffness_in_blocks()
-            self._matrix = self._with_places(as_entries(blocks))
-            self._operator = for_products(blocks)
-
-    def _with_places(self, matrix: PETSc.Mat) -> PETSc.Mat:
-        """Add places for all that contacts add to K, and return it.
-
-        Contacts couple the cells of one body with the nodes of another one.
-        """
-        if not self.model.connections.any:
-            return matrix
-        # Contacts have few nodes, so that only a few rows of K are multiplied.
-        couplings = self.model.connections.couplings
-        places = matrix.matMult(couplings)
-        transposed = places.transpose(PETSc.Mat())
-        between_contacts = couplings.transposeMatMult(places)
-        for more in (transposed, between_contacts):
-            places.axpy(1.0, more, DIFFERENT)
-            more.destroy()
-        places.zeroEntries()
-        matrix.axpy(1.0, places, DIFFERENT)
-        places.destroy()
-        return matrix
+            comm = self.model.space.mesh.comm
+            self._matrix = as_entries(blocks, comm)
+            self._operator = for_products(blocks, comm)
