@@ -17,6 +17,7 @@ import erc_contact as ec
 from erc_contact.admissible.across import FITS
 from erc_contact.admissible.cells import cell_geometry
 from erc_contact.admissible.images import _mandel_turns
+from erc_contact.admissible.imbalance import _of_sides
 from erc_contact.admissible.surrounded import surrounded
 from erc_contact.scene.material import mandel_basis
 
@@ -100,6 +101,10 @@ def test_one_cell_is_as_good_as_two(cells, degree, given):
         # The resultants on the sides are kept while their tractions change.
         forces = np.column_stack([one.force(name).force for name in ("right", "top")])
         assert np.allclose(forces, np.array(MEAN)[:2, :2], rtol=0, atol=1e-14)
+        # What the pair proves of them would tell a tenth more.
+        found = _of_sides(one.model, 1.1 * one.admissible.facet_moments)
+        missing = COMM.allreduce(max(max(amounts, default=0.0) for _, amounts, _ in found), MPI.MAX)
+        assert missing == pytest.approx(0.1 * np.abs(MEAN)[:2, :2].max(), rel=1e-9)
 
 
 @pytest.mark.ranks

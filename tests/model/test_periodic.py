@@ -220,6 +220,37 @@ def test_a_sector_is_the_whole_disc(degree):
     assert_fits(one)
 
 
+@pytest.mark.serial
+def test_the_material_turns_with_the_sectors():
+    """Patches across the sides have the turned material: as many steps tighten both."""
+    width = 2 * np.pi / SECTORS
+
+    def wood(number):
+        c, s = np.cos(number * width), np.sin(number * width)
+        axes = [[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]
+        moduli = {"E": (1.0, 3.0, 0.7), "nu": (0.2, 0.1, 0.25), "G": (0.4, 0.5, 0.6)}
+        return ec.OrthotropicElastic(**moduli, axes=axes)
+
+    def is_in(number):
+        middle = 0.3 + (number + 0.5) * width
+
+        def inside(x):
+            away = (np.arctan2(x[1], x[0]) - middle + np.pi) % (2 * np.pi) - np.pi
+            return abs(away) < width / 2 + 1e-6
+
+        return inside
+
+    whole = closed_ring((3, 2 * SECTORS))
+    whole = whole.named(regions={f"{number}": is_in(number) for number in range(SECTORS)})
+    held, pressed = ec.Displacement("inner", (0.0, 0.0)), ec.Traction("outer", pressure=0.01)
+    one = certified(ec.Scene(wood(0), [cyclic(2), held], pressed), sector((3, 2)), AUGMENTED)
+    woods = {f"{number}": wood(number) for number in range(SECTORS)}
+    every = certified(ec.Scene(woods, [held], pressed), whole, AUGMENTED)
+    energies = [ec.potential_energy(error).value for error in (one, every)]
+    assert np.isclose(SECTORS * energies[0], energies[1], rtol=1e-12)
+    assert_same_error(one, every, SECTORS)
+
+
 def disc(d, sectors, copies=1, *, along=2, tilt=0.0, comm=COMM):
     """Some sectors of a disc, or of a cylinder about an axis of space; low meets cut there.
 
