@@ -100,7 +100,7 @@ class Across:
         return forces, moved
 
     def _jump(self, u: fem.Function, *, given: bool = False) -> np.ndarray:
-        """Return the jump of u, less the given one, at the nodes of facets [length]."""
+        """Return the jump of u, less the given jump, at nodes of facets [length]."""
         jumps = []
         for contact in self._sides:
             jump = contact.trace.of(u.x.array)

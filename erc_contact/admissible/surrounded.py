@@ -67,7 +67,7 @@ class _Motions:
         self._extent = extent
 
     def number(self, turn: np.ndarray, shift: np.ndarray) -> int:
-        """Return the number of a motion, which may be a new one."""
+        """Return the number of a motion, which may be a new motion."""
         for number, (known, known_shift) in enumerate(zip(self.turns, self._shifts, strict=True)):
             away = max(abs(known - turn).max(), abs(known_shift - shift).max() / self._extent)
             if away < SAME_MOTION:
@@ -129,7 +129,7 @@ def surrounded(model: Model, cells: CellGeometry) -> CellGeometry:
     of_facets = _images_of_facets(cells, images, side[0, counts[1] :])
     facing = _facing(model.space, cells, pairs)
     shapes = zip((cells.J, cells.volume, cells.area), shapes_of_cells(corners), strict=True)
-    J, volume, area = (np.concatenate(both) for both in shapes)
+    J, volume, area = (np.concatenate(parts) for parts in shapes)
     return CellGeometry(
         degree=cells.degree,
         places=np.concatenate([cells.places, images.at_nodes(cells.places)]),
@@ -165,8 +165,8 @@ def _relations(pairs: Sequence[_Pair], motions: _Motions) -> np.ndarray:
         further = np.unique(np.column_stack([newest[row, 0], first[after, 1], motion]), axis=0)
         is_itself = (further[:, 0] == further[:, 1]) & (further[:, 2] == 0)
         further = further[~is_itself]
-        both, times = np.unique(np.concatenate([every, every, further]), axis=0, return_counts=True)
-        newest = both[times == 1]
+        rows, times = np.unique(np.concatenate([every, every, further]), axis=0, return_counts=True)
+        newest = rows[times == 1]
         every = np.concatenate([every, newest])
     return every
 
@@ -237,12 +237,12 @@ def _facets_of_images(cells: CellGeometry, vertices: np.ndarray) -> np.ndarray:
         The facet opposite to each vertex, shape (n, d+1).
     """
     d = cells.d
-    own = cells.vertices_of_facets
-    at_images = np.isin(own, vertices).all(axis=1) & (cells.side[0] >= 0)
+    of_body = cells.vertices_of_facets
+    at_images = np.isin(of_body, vertices).all(axis=1) & (cells.side[0] >= 0)
     known = np.flatnonzero(at_images)
     opposite = np.tile(np.arange(d + 1), len(vertices))
     rows = of_facets(np.repeat(vertices, d + 1, axis=0), opposite)
-    of_known, wanted = row_numbers(own[known], rows)
+    of_known, wanted = row_numbers(of_body[known], rows)
     table = np.full(max(of_known.max(initial=-1), wanted.max(initial=-1)) + 1, -1)
     table[of_known] = known
     is_new = table < 0
@@ -292,7 +292,7 @@ def _images_of_facets(cells: CellGeometry, images: CellImages, place: np.ndarray
 def _facing(
     space: Space, cells: CellGeometry, pairs: Sequence[_Pair]
 ) -> tuple[FacetImages, FacetImages]:
-    """Return first sides as images of second sides, and second ones of first ones.
+    """Return first sides as images of second sides, and second sides of first sides.
 
     Args:
         space: The mesh.
@@ -335,11 +335,11 @@ def _centres(
     """
     d = cells.d
     of_facet = facet_vertices(d - 1)
-    both = []
+    of_sides = []
     for trace, *_ in pairs:
         for nodes in (trace.here.nodes[trace.facing], trace.partners):
-            both.append(nodes[:, of_facet].reshape(-1, d - 1))
-    here, there = (np.concatenate(both[side::2]) for side in range(2))
+            of_sides.append(nodes[:, of_facet].reshape(-1, d - 1))
+    here, there = (np.concatenate(of_sides[side::2]) for side in range(2))
     turns_about = np.ones(count, dtype=np.int64)
     np.add.at(turns_about, relations[relations[:, 0] == relations[:, 1], 0], 1)
     centres = Centres(turns_about, here[:0, 0])
