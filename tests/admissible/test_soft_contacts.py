@@ -58,6 +58,7 @@ def makings(monkeypatch) -> list[bool]:
     return made
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("degree", [1, 2])

@@ -15,6 +15,7 @@ def test_a_module_that_tests_name():
     )
 
 
+@pytest.mark.broad
 def test_a_module_that_no_test_names_is_reached_through_modules_that_import_it():
     reached = reaching("erc_contact.admissible.limits")
     assert "erc_contact.admissible.limits" not in reached

@@ -318,6 +318,7 @@ def test_plasticity_with_linear_hardening(read):
     assert np.isclose(risen(deck), 20 * (10 / E + 5 / 100), rtol=1e-6)
 
 
+@pytest.mark.broad
 def test_plasticity_with_a_curve(read):
     plastic = "*PLASTIC\n5., 0.\n8., 0.01\n15., 0.1\n"
     deck = read(step("*BOUNDARY\nFoot, 3, 3\n*DSLOAD\nTop, P, -10."), plastic + SECTION)

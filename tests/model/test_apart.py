@@ -142,6 +142,7 @@ def test_mirror_images_have_no_shear(d, degree):
     assert abs(profile["shear"]).max() < 1e-12 * profile["pressure"].max()
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("method", METHODS[::3], ids=["Nitsche", "multiplier"])
 def test_a_stiff_body_keeps_its_normal(method):
     """Without friction its force on the soft body is along the normals of the stiff one."""
@@ -277,6 +278,7 @@ def test_pressure_of_a_cylinder_in_a_smaller_hole():
     assert pressure == pytest.approx(0.0077, rel=0.05)
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("degree", [1, 2])
 def test_distance_is_the_gap_of_bodies_in_one_place(degree):
     """The same numbers as with ``gap=`` on sides that lie on each other, and a further gap adds."""
@@ -372,6 +374,7 @@ def test_rings_of_other_radii(sides):
     assert COMM.allreduce(len(surfaces)) == 1
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("2-1", "3-2")
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("d", [2, 3])

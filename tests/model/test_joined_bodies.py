@@ -105,6 +105,7 @@ def test_parts_inside_the_body_are_kept_but_carry_no_condition(gmsh_session):
     assert ec.solve(ec.Scene(ec.Elastic(1.0, 0.3), held), domain).newton_steps == 0
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize(
     "name", ["half ball in a socket", "quarter of a pin", "quarter of a pin in half a hub"]
 )

@@ -230,6 +230,7 @@ def test_error_falls_and_solvers_agree():
     assert 0.8 < certificate.error.relative / errors[2].relative < 1.01
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_histories_of_proportional_loads_are_one_step():
     """Without gaps the solution grows with the loads, whatever the steps."""

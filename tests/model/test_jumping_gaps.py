@@ -131,6 +131,7 @@ def test_jump_inside_a_facet(degree, most, place, method, height):
     assert jump.absolute < most * parts.absolute
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 def test_jump_between_two_bodies(degree):

@@ -170,6 +170,7 @@ def test_what_slides_without_friction_does_not_catch(name, method, known):
             assert along < ROUND_OFF
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("degree", [1, 2])
 def test_refined_and_remeshed_bodies_do_not_catch_either(degree):
     shape, d, spin, push = CASES["turned in the plane"]

@@ -267,6 +267,7 @@ def test_a_force_that_cannot_be_kept_is_left_out(monkeypatch):
     assert balanced[1] < balanced[0]
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_two_bolts():
     """Two bars with forces of their own below a yoke that a contact presses down."""

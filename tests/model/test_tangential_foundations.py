@@ -310,6 +310,7 @@ def test_dissipation_is_of_slip_alone_and_a_history_goes_on(shared_tmp_path):
     assert taken[1:] == pytest.approx(np.cumsum(dissipated)[1:], rel=1e-7)
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("between", [False, True])
 def test_ranks_and_solvers(between):
     def moved_to(x, y):

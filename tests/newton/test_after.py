@@ -68,6 +68,7 @@ def shear(solution):
     return force[0] / force[-1]
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("2-2-direct", "3-1-iterative")
 @KINDS
 def test_proportional_loading_ends_in_the_static_solution(d, degree, solver):

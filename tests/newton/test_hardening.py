@@ -134,6 +134,7 @@ def test_the_stress_out_of_plane_is_found_across_kinks_of_the_curve():
 PULLS = {1.0: 1.2, 2.0: 1.6, 3.0: -1.9, 4.0: 2.4}
 
 
+@pytest.mark.broad
 def test_a_bar_that_is_pulled_and_pressed():
     """Stress and strain are uniform, so that meshes and steps in time are exact."""
     bar = ec.box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), cells=(1, 1, 1))

@@ -135,6 +135,7 @@ def test_cells_that_yield_in_part_are_integrated(degree, monkeypatch):
     assert abs(gap - adapted).max(initial=0.0) < 1e-5 * gap.sum()
 
 
+@pytest.mark.broad
 def test_springs_are_in_the_balance_of_energies():
     spring = ec.Spring("right", normal=0.2)
 

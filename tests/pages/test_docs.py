@@ -115,6 +115,7 @@ def test_pages_load_mpi_first(page):
     assert not loads or min(first, default=len(lines)) < min(loads)
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("package", PACKAGES, ids=lambda package: package.name)
 def test_docstrings_and_comments_repeat_the_noun(package):
     """A reader has to resolve "that of"; "the stiffness of the foundation" is read."""
