@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from erc_contact.base.exceptions import InputError
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.contact.periodic import area_vector, pair_of
 from erc_contact.model.model import Model
@@ -20,6 +21,9 @@ from erc_contact.scene.contact import Contact
 from erc_contact.scene.periodic import Periodic, translated_sides
 from erc_contact.scene.scene import Scene
 from erc_contact.scene.tied import Preload
+
+SAME_DIRECTION = 1e-9
+"""Size of what is left of a translation beside others that counts as none [-]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +70,10 @@ def given_forces(scene: Scene, model: Model) -> list[GivenForce]:
             force, shift = float(tie.force), tie.shortening
             extent = model.domain.extent
             forces.append(GivenForce(part, part, axes[part], force, shift, joint, extent))
-    for entry in stressed_sides(scene.contacts):
+    stressed = stressed_sides(scene.contacts)
+    if stressed:
+        _check_translations(model.space, translated_sides(scene.contacts))
+    for entry in stressed:
         forces += _of_sides(model, entry)
     return forces
 
@@ -90,6 +97,27 @@ def stiffnesses(space: Space, forces: Sequence[GivenForce]) -> np.ndarray:
 def stressed_sides(contacts: Sequence[Contact]) -> list[Periodic]:
     """Return the periodic sides with a mean stress among contacts."""
     return [entry for entry in translated_sides(contacts) if entry.mean_stress is not None]
+
+
+def _check_translations(space: Space, entries: Sequence[Periodic]) -> None:
+    """Check that jumps of periodic sides belong to one mean strain E.
+
+    Each pair jumps by ``E t``. With a mean stress its jump is found by itself, so that
+    its translation t may be no combination of the translations of other pairs.
+
+    Raises:
+        InputError: If a translation is one.
+    """
+    shifts = np.array([pair.shift for pair in (pair_of(space, e) for e in entries) if pair])
+    rank = int(np.linalg.matrix_rank(shifts, tol=SAME_DIRECTION * abs(shifts).max()))
+    if rank < len(shifts):
+        sides = ", ".join(f"{entry.facets!r}" for entry in entries)
+        raise InputError(
+            f"Periodic sides with mean_stress=: the {len(shifts)} pairs of {sides} have {rank}"
+            " independent translations, and their jumps would belong to no common mean strain."
+            " Give mean_strain= for each pair, as of a hexagonal cell, and one name to sides with"
+            " one translation."
+        )
 
 
 def shift_name(entry: Periodic, component: int) -> str:

@@ -177,6 +177,21 @@ def test_a_mean_stress_gives_the_strain_that_has_it(d):
     assert_fits(by_stress)
 
 
+def test_a_mean_stress_needs_independent_translations():
+    """Two pairs with one translation would jump each in its own way."""
+    halves = {"low": (0.0, 0.5), "high": (0.5, 1.0)}
+    named = {
+        f"{side} {half}": nm.where(x=x, y=y)
+        for side, x in (("left", 0.0), ("right", 1.0))
+        for half, y in halves.items()
+    }
+    domain = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(2, 2)).named(named)
+    stress = [[0.01, 0.0], [0.0, 0.0]]
+    sides = [ec.Periodic(f"left {half}", f"right {half}", mean_stress=stress) for half in halves]
+    with pytest.raises(ec.InputError, match="1 independent translation"):
+        ec.solve(ec.Scene(ec.Elastic(1.0, 0.3), sides), domain)
+
+
 # -- sectors
 # ---------------------------------------------------------------------------------------------------
 
