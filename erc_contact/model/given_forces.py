@@ -109,14 +109,15 @@ def _check_translations(space: Space, entries: Sequence[Periodic]) -> None:
         InputError: If a translation is one.
     """
     shifts = np.array([pair.shift for pair in (pair_of(space, e) for e in entries) if pair])
-    rank = int(np.linalg.matrix_rank(shifts, tol=SAME_DIRECTION * abs(shifts).max()))
-    if rank < len(shifts):
+    size = abs(shifts).max()
+    independent = int(np.linalg.matrix_rank(shifts, tol=SAME_DIRECTION * size))
+    if independent < len(shifts):
         sides = ", ".join(f"{entry.facets!r}" for entry in entries)
         raise InputError(
-            f"Periodic sides with mean_stress=: the {len(shifts)} pairs of {sides} have {rank}"
-            " independent translations, and their jumps would belong to no common mean strain."
-            " Give mean_strain= for each pair, as of a hexagonal cell, and one name to sides with"
-            " one translation."
+            f"Periodic sides with mean_stress=: the {len(shifts)} pairs of {sides} have"
+            f" {independent} independent translations, and their jumps would belong to no common"
+            " mean strain. Give mean_strain= for each pair, as of a hexagonal cell, and one name"
+            " to sides with one translation."
         )
 
 
