@@ -78,6 +78,7 @@ def test_a_soft_pad(method, degree, makings):
     assert abs(error.reactions()["balance"].force).max() < 1e-10
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("method", METHODS)
 def test_a_body_on_a_body_that_a_soft_pad_holds(method):
     upper = ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(8, 4))

@@ -54,6 +54,7 @@ def test_pressure_on_faces_of_elements_and_crlf():
     assert moved(solution, 5.0, 5.0, 20.0)[2] == pytest.approx(-5.0 * 20 / 70000, rel=UNIAXIAL)
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize(("penalty", "layer"), [("hard", 0.0), ("kept", 1e-6)])
 def test_contact_of_two_materials(penalty, layer):
     deck, solution = solved("freecad_contact.inp", penalty=penalty)

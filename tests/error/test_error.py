@@ -271,6 +271,7 @@ def test_half_model_on_a_parabola_is_held_on_every_mesh():
     assert history.error.force("bottom").force[1] == pytest.approx(0.01, rel=1e-9)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("method", [ec.AugmentedLagrangian(), None])
 def test_a_body_that_tips_is_resolved(method):

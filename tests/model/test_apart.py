@@ -167,6 +167,7 @@ def test_the_order_of_sides_changes_nothing():
     assert np.linalg.norm(forces[0] - forces[1]) < 0.03 * np.linalg.norm(forces[0])
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), (3, 1), (3, 2)])
 def test_distances_are_bounded_without_a_search(d, degree):

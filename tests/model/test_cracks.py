@@ -87,6 +87,7 @@ def test_an_inclined_crack_slips_as_the_closed_form_says(method):
     assert np.allclose(abs(lip["shear"]), MU * lip["pressure"], atol=0.02)
 
 
+@pytest.mark.broad
 @pytest.mark.pairs
 @pytest.mark.on_ranks("0.3-1-method0")
 @pytest.mark.parametrize("method", METHODS)

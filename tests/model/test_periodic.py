@@ -480,6 +480,7 @@ def random_scene(rng):
     return ec.Scene(ec.Elastic(1.0, rng.uniform(0.1, 0.4)), [cyclic(2)], loads), sector((2, 2))
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("seed", range(8))
 def test_bounds_of_the_energy_hold(seed):

@@ -238,6 +238,7 @@ SOLVED = {
 }
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("case", mostly_serial(SOLVED, ["free", "in 3D", "two bodies"]))
 def test_both_solvers(case):
     """The factor and multigrid, with all that solves for the body after the contact."""

@@ -7,6 +7,7 @@ from domains import COMM
 import namedmesh as nm
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("dim", [2, 3])
 def test_the_picture_names_all_parts(dim, shared_tmp_path):
     pytest.importorskip("matplotlib")

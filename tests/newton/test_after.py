@@ -312,6 +312,7 @@ def test_what_cannot_be_a_last_step():
         refused(step(on=box(2, True)), "ranks")
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
 def test_sliding_back_where_friction_varies(degree):

@@ -71,6 +71,7 @@ def test_newton_alone_finds_the_same(method, monkeypatch):
     assert difference <= 1e-8 * abs(alone.u.x.array).max()
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_steps_of_a_users_method_are_not_ended_early():
     """No interior points find its states, so that its steps are all that it has."""

@@ -72,6 +72,7 @@ class OnlyEnergy:
         return self.law.modulus(**parameters)
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("2")
 @pytest.mark.parametrize("degree", [1, 2])
 def test_a_supremum_by_newton_is_the_conjugate(degree):

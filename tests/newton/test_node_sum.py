@@ -34,6 +34,7 @@ def oscillating(vector: PETSc.Vec) -> np.ndarray:
     return np.cos(np.arange(*vector.getOwnershipRange()) ** 2)
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("degree", [1, 2])
 def test_contacts_between_bodies_feel_no_common_translation(degree):
     scene, domain = two_bricks()

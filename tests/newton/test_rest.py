@@ -61,6 +61,7 @@ def test_rest_is_exact_and_told_once(d, gap, method, solver, caplog):
     assert not caplog.records  # no warning
 
 
+@pytest.mark.broad
 @pytest.mark.parametrize("friction", [0.0, 0.3, ec.Tresca(0.01)], ids=["none", "Coulomb", "Tresca"])
 def test_bodies_that_a_foundation_carries_are_at_rest(friction):
     """Two plates and the block between them turn together: all that is left is round-off."""

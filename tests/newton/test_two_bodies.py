@@ -119,6 +119,7 @@ def distance(solution: ec.Solution, exact) -> float:
     return COMM.allreduce(max(differences), MPI.MAX) / COMM.allreduce(max(sizes), MPI.MAX)
 
 
+@pytest.mark.broad
 @pytest.mark.pairs
 @pytest.mark.on_ranks("2-2-slip", "3-1-stick")
 @pytest.mark.parametrize(

@@ -703,6 +703,7 @@ def test_magnification_of_a_body_that_nothing_presses(kind, shared_tmp_path, see
         assert len(np.unique(rgb, axis=0)) == 1
 
 
+@pytest.mark.broad
 @pytest.mark.on_ranks("0")
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_contact_in_space_is_seen(axis, shared_tmp_path, seen):

@@ -93,6 +93,7 @@ def apart(pair, x):
     return ((x[pair.partners] - x[pair.traction.nodes]) * n).sum(axis=-1)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 @pytest.mark.parametrize(
     ("gap", "d", "degree"),
