@@ -256,7 +256,7 @@ def _make_pair(
     balanced = rebalanced_stress(model, data.solution.stiffness, cells, u, b, motions)
     # Facets between copies are inside the body: sigma^ has tractions of its own there.
     inside = [traction for traction in tractions if traction.contact.is_periodic]
-    boundary -= _moments_of(model.space, inside)
+    _add_tractions(model.space, boundary, inside, -1.0)
     if model.springs:
         # They pull at the displacement that is in equilibrium with their pull.
         pulled = spring_moments(model, spring_tractions(model, balanced.displacement))
@@ -279,8 +279,8 @@ def _make_pair(
         values = tractions_of(model.space, bulk.moment, traction.contact.trace.here.facets)
         chosen[traction.contact.name] = replace(traction, values=values)
     tractions = [chosen.get(traction.contact.name, traction) for traction in tractions]
-    of_sides = _moments_of(model.space, list(chosen.values()))
-    of_boundary = Given(bulk.boundary + of_sides, data.fixed, tractions)
+    _add_tractions(model.space, bulk.boundary, list(chosen.values()))
+    of_boundary = Given(bulk.boundary, data.fixed, tractions)
     imbalance = proved_imbalance(model, cells, u, bulk.missing, bulk.moment, of_boundary)
     of_springs = []
     if model.springs:
@@ -309,20 +309,28 @@ def _boundary(data: _Data, tractions: list[ContactTraction]) -> np.ndarray:
 
     A support takes up the load on its components.
     """
-    of_loads = np.where(data.fixed[:, None, :], 0.0, data.loads)
-    return of_loads + _moments_of(data.solution.model.space, tractions)
+    boundary = np.where(data.fixed[:, None, :], 0.0, data.loads)
+    _add_tractions(data.solution.model.space, boundary, tractions)
+    return boundary
 
 
-def _moments_of(space: Space, tractions: Sequence[ContactTraction]) -> np.ndarray:
-    """Return the moments of tractions on all facets [force], shape (facets, m, d)."""
-    total = np.zeros((space.facet_count, len(space.facet_points), space.d))
+def _add_tractions(
+    space: Space, total: np.ndarray, tractions: Sequence[ContactTraction], times: float = 1.0
+) -> None:
+    """Add the moments of tractions to the moments of all facets, in place.
+
+    Args:
+        space: The mesh.
+        total: Moments of all facets [force], shape (facets, m, d).
+        tractions: The tractions.
+        times: Factor of them [-].
+    """
     for traction in tractions:
-        of_contact = moments(traction.area, traction.values, space.degree)
+        of_contact = times * moments(traction.area, traction.values, space.degree)
         trace = traction.contact.trace
         add_moments(space, total, trace.here.facets, of_contact)
         # Action and reaction: on the other body acts the opposite traction.
         add_moments(space, total, trace.there.facets, -trace.on_there(of_contact))
-    return total
 
 
 def _of_owners(

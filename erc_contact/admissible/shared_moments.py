@@ -66,7 +66,7 @@ class SharedMoments:
     def agreed(self, moment: np.ndarray) -> np.ndarray:
         """Return moments as the rank has them that counts a facet; collective.
 
-        Those of repeated facets follow.
+        The moments of repeated facets follow.
         """
         of_all = np.zeros_like(moment)
         of_all[self.counted] = moment[self.counted]

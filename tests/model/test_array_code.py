@@ -86,6 +86,11 @@ def test_an_operator_that_numpy_does_not_know_is_compiled():
     assert np.allclose(values, [[0.0], [1.0]])
 
 
+def kind_of(*names):
+    """Plane strain, with parameters that vary."""
+    return law_code.LawKind(names, {}, True, (0, 1, 2, 3), MPI.COMM_SELF)
+
+
 @pytest.mark.parametrize("part", ["energy", "stress", "tangent", "conjugate", "dual"])
 def test_the_code_of_a_law_has_one_name(part, monkeypatch):
     """Whatever was made before in a process: else each would compile it anew."""
@@ -93,7 +98,7 @@ def test_the_code_of_a_law_has_one_name(part, monkeypatch):
     names = set()
     for _ in range(2):
         law = TwoModuli(1.0, 0.4, 0.2)
-        code = law_code.LawCode(law, law.parameters, {}, True, [0, 1, 2, 3], MPI.COMM_SELF)
+        code = law_code.LawCode(law, kind_of(*law.parameters))
         names.add(compute_signature([(getattr(code, part), np.array([[0.5]]))], ""))
     assert len(names) == 1
 
@@ -102,7 +107,7 @@ def test_equal_laws_have_one_code():
     """Each step of a history may make its material anew; a new array is another law."""
 
     def code_of(potential):
-        return law_code.law_code(potential, ["E"], {}, True, [0, 1, 2, 3], MPI.COMM_SELF)
+        return law_code.law_code(potential, kind_of("E"))
 
     def curve(last):
         return ec.HardeningCurve([0.0, 0.1], [0.01, last])

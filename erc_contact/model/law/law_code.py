@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Hashable, Mapping, Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import ufl
@@ -59,18 +59,32 @@ class Derivatives:
         return ufl.as_matrix(matrix)
 
 
+class LawKind(NamedTuple):
+    """Hold what decides on the code of a law beside its potential.
+
+    Attributes:
+        names: Names of the parameters that are numbers of a point.
+        constants: Values of all other parameters, the same at all points. A compiled
+            part has them as constants, which are not copied to each point.
+        is_plane: Whether bodies are in plane strain.
+        known: Components of ``mandel_basis(3)`` that stresses of the law have: the
+            components of the body, in plane strain the component out of plane as last.
+        comm: The ranks that compile together.
+    """
+
+    names: tuple[str, ...]
+    constants: Mapping[str, float]
+    is_plane: bool
+    known: tuple[int, ...]
+    comm: MPI.Comm
+
+
 class LawCode:
     """Hold the compiled parts of a law, each a function of the numbers of a point.
 
     Args:
         potential: The potential.
-        names: Names of its parameters that are numbers of a point.
-        constants: Values of its other parameters, the same at all points. A compiled
-            part has them as constants, which are not copied to each point.
-        is_plane: Whether bodies are in plane strain.
-        known: Components of ``mandel_basis(3)`` that stresses of the law have: the
-            components of the body, in plane strain with the one out of plane as last.
-        comm: The ranks that compile together.
+        kind: The kind of the law.
 
     Attributes:
         row: The numbers of a point: six components of a strain or stress, parameters
@@ -79,22 +93,13 @@ class LawCode:
         has_conjugate: Whether the conjugate is given; else it is looked for.
     """
 
-    def __init__(
-        self,
-        potential: Potential,
-        names: Sequence[str],
-        constants: Mapping[str, float],
-        is_plane: bool,
-        known: Sequence[int],
-        comm: MPI.Comm,
-    ) -> None:
+    def __init__(self, potential: Potential, kind: LawKind) -> None:
+        names = kind.names
         self.potential = potential
-        self.known = list(known)
-        self.kind = tuple(names), dict(constants), is_plane, tuple(known), comm
+        self.known = list(kind.known)
+        self.kind = kind
         self.has_conjugate = gives_conjugate(potential)
         self._attributes = dict(getattr(potential, "__dict__", {}))
-        self._is_plane = is_plane
-        self._comm = comm
         shapes = getattr(potential, "state", {})
         self.place_of_state = 6 + len(names)
         size = self.place_of_state + size_of(shapes)
@@ -103,7 +108,7 @@ class LawCode:
         state = [self.row[i] for i in range(self.place_of_state, size)]
         self._values |= entries(shapes, state)
         points = line_of_points()
-        for name, value in constants.items():
+        for name, value in kind.constants.items():
             self._values[name] = compiled.constant(points, value)
 
     def is_of(self, potential: Potential) -> bool:
@@ -131,7 +136,7 @@ class LawCode:
     @cached_property
     def conjugate(self) -> OfNumbers:
         """Compile psi*, in plane strain with derivatives by the stress out of plane."""
-        if not self._is_plane:
+        if not self.kind.is_plane:
             return self._compile(self.potential.conjugate(self._tensor, **self._values))
         out = ufl.variable(ufl.as_ufl(0.0))
         normal = ufl.as_tensor(np.diag([0.0, 0.0, 1.0]).tolist())
@@ -166,7 +171,7 @@ class LawCode:
     def _compile(self, expression: Ufl) -> OfNumbers:
         """Compile an expression of numbers at points; collective."""
         plain = without_variables(without_derivatives(expression))
-        return OfNumbers(plain, self._comm, is_matrix=True)
+        return OfNumbers(plain, self.kind.comm, is_matrix=True)
 
 
 def _are_equal(value: Any, before: Any) -> bool:
@@ -187,18 +192,10 @@ _recent: deque[LawCode] = deque(maxlen=8)
 """The laws that were used last: all meshes and steps of a run have the same ones."""
 
 
-def law_code(
-    potential: Potential,
-    names: Sequence[str],
-    constants: Mapping[str, float],
-    is_plane: bool,
-    known: Sequence[int],
-    comm: MPI.Comm,
-) -> LawCode:
+def law_code(potential: Potential, kind: LawKind) -> LawCode:
     """Return the code of a law, the same for all its meshes; see :class:`LawCode`."""
-    kind = tuple(names), dict(constants), is_plane, tuple(known), comm
     for code in _recent:
         if code.is_of(potential) and code.kind == kind:
             return code
-    _recent.append(LawCode(potential, names, constants, is_plane, known, comm))
+    _recent.append(LawCode(potential, kind))
     return _recent[-1]

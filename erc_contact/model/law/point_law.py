@@ -19,7 +19,7 @@ from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.data.expressions import OfNumbers
 from erc_contact.model.data.ranges import Ranges, ranges_of
 from erc_contact.model.data.symbolic import varies_in_cells
-from erc_contact.model.law.law_code import law_code
+from erc_contact.model.law.law_code import LawKind, law_code
 from erc_contact.model.law.law_entries import StateField
 from erc_contact.model.space import Space
 from erc_contact.scene.material import HOOP_ROWS
@@ -108,7 +108,8 @@ class PointLaw:
             share = ufl.as_ufl(potential.convexity(**parameters))
             self._convexity = space.everywhere(share)
         comm = lasting(space.comm)
-        self._code = law_code(potential, list(of_points), constants, self.is_plane, known, comm)
+        kind = LawKind(tuple(of_points), constants, self.is_plane, tuple(known), comm)
+        self._code = law_code(potential, kind)
 
     @property
     def has_convexity(self) -> bool:
