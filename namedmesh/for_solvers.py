@@ -24,7 +24,7 @@ from namedmesh.partition import check_shape
 from namedmesh.parts import shape_in_words
 from namedmesh.parts_table import NAMELESS, facets_of_parts
 from namedmesh.remeshing import count_cells
-from namedmesh.rows import in_space, row_numbers
+from namedmesh.rows import count_up, in_space, row_numbers
 from namedmesh.sides import boundary_sides, inner_facets
 from namedmesh.size_field import FILL
 from namedmesh.surface import Slivers, sides_of_facets, slivers
@@ -55,6 +55,7 @@ __all__ = [
     "closest",
     "components",
     "count_cells",
+    "count_up",
     "domain_of",
     "facets_of_parts",
     "from_file",

@@ -111,3 +111,8 @@ def in_space(x: np.ndarray) -> np.ndarray:
     gmsh, DOLFINx and VTK want them so.
     """
     return np.pad(x, ((0, 0), (0, 3 - x.shape[1])))
+
+
+def count_up(counts: np.ndarray) -> np.ndarray:
+    """Return 0, 1, ... up to each count, one after another, shape (sum of counts,)."""
+    return np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)

@@ -32,7 +32,7 @@ from erc_contact.model.contact.periodic import pair_of
 from erc_contact.model.contact.trace import Trace
 from erc_contact.model.model import Model
 from erc_contact.model.space import Space
-from namedmesh.for_solvers import components, row_numbers
+from namedmesh.for_solvers import components, count_up, row_numbers
 from namedmesh.simplex import (
     facet_vertices,
     local_facet_nodes,
@@ -222,8 +222,7 @@ def _joined(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarr
     begin = np.searchsorted(ordered, first, side="left")
     counts = np.searchsorted(ordered, first, side="right") - begin
     row = np.repeat(np.arange(len(first)), counts)
-    within = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts)
-    return row, order[begin[row] + within]
+    return row, order[begin[row] + count_up(counts)]
 
 
 def _facets_of_images(cells: CellGeometry, vertices: np.ndarray) -> np.ndarray:

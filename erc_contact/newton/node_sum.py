@@ -15,12 +15,12 @@ import numpy as np
 from dolfinx import fem, la
 
 from erc_contact.base.sparse import pattern_of
-from erc_contact.model.contact.groups import numbers_in
 from erc_contact.model.contact.trace import NOBODY
 from erc_contact.model.data.over_ranks import matrix_of_ranks
 from erc_contact.model.model import Model
 from erc_contact.newton.contact_nodes import contact_nodes
 from erc_contact.newton.forms import ContactForms
+from namedmesh.for_solvers import count_up
 
 
 class NodeSum:
@@ -144,7 +144,7 @@ def _places(term: la.MatrixCSR, rows_read: _Read | None, columns_read: _Read | N
     counts = np.bincount(of_right, minlength=len(block))
     left = np.repeat(np.arange(len(of_left)), counts[of_left])
     of_both = of_left[left]
-    right = (np.cumsum(counts) - counts)[of_both] + numbers_in(left)
+    right = (np.cumsum(counts) - counts)[of_both] + count_up(counts[of_left])
     a, i, b, j = a[left], i[left], b[right], j[right]
     factors = row_turns[of_columns[of_both], a, i] * column_turns[of_both, b, j]
     return _Places(

@@ -43,6 +43,7 @@ from erc_contact.admissible.kernels import kernels
 from erc_contact.admissible.shared_moments import global_numbers
 from erc_contact.admissible.tighten.tables import stress_map, upper_entries
 from erc_contact.model.space import Space
+from namedmesh.for_solvers import count_up
 from namedmesh.simplex import facet_vertices, nodes
 
 
@@ -132,8 +133,7 @@ def _in_batches(counts: np.ndarray, lanes: int) -> np.ndarray:
         lanes: Number of patches side by side.
     """
     begin = lanes * np.append(0, np.cumsum(-(-counts // lanes)))[:-1]
-    within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-    return np.repeat(begin, counts) + within
+    return np.repeat(begin, counts) + count_up(counts)
 
 
 def _turns_about(cells: CellGeometry, ring: np.ndarray, size: np.ndarray) -> np.ndarray:

@@ -21,6 +21,7 @@ from erc_contact.base.ufl_types import Ufl
 from erc_contact.model.contact.foundation import ContactOnMesh
 from erc_contact.model.data.quadrature import Cuts, facet_pieces, piece_points, polynomials
 from erc_contact.model.space import Space
+from namedmesh.for_solvers import count_up
 from namedmesh.simplex import barycentric, node_vertices, nodes
 
 JUMP = 0.36
@@ -189,7 +190,7 @@ def _crossings(values: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.n
     # A step along which the value does not change crosses nothing.
     count = np.where(high > low, count, 0)
     step = np.repeat(np.arange(len(low)), count)
-    rank = np.arange(len(step)) - np.repeat(np.cumsum(count) - count, count)
+    rank = count_up(count)
     point = points[first[step] + rank]
     start = values[:, :-1].ravel()[step]
     end = values[:, 1:].ravel()[step]
