@@ -66,6 +66,8 @@ SOURCES = """\
 - SSNV104: code_aster, V6.04.104, validation manual. Its force, 586 081, is Hertz's for
   half-spaces with the approach of the hemispheres; the force of the hemispheres is 12.6%
   higher. SSNA102 is of the same manual; its contact follows the geometry on coarse triangles.
+- COMET: J. Bleyer, Numerical Tours of Computational Mechanics with FEniCSx, 2024, the demo of a
+  von Mises material. Its page has curves; the numbers are of its script, run on DOLFINx 0.11.
 - GetFEM 5 and CalculiX 2.20: [one scene side by side](comparison.md#one-scene-side-by-side).
 - The penny-shaped crack: I. N. Sneddon, Proc. R. Soc. A 187 (1946). The crack along an arc:
   N. I. Muskhelishvili, Some Basic Problems of the Mathematical Theory of Elasticity, 1953.

@@ -96,6 +96,7 @@ CASES: dict[str, Callable[[], Result]] = {
         cracks.crack_along_an_arc,
         laws.yielding_tube,
         laws.heated_tube,
+        laws.plastic_cylinder,
         laws.orthotropic_tube,
         laws.bars_pulled_from_beside,
     )
