@@ -207,30 +207,41 @@ class Yielding:
         self.K = law.E / (3 * (1 - 2 * law.nu))
         self.kind = kind
         self.kinematic = law.kinematic
-        if isinstance(law.hardening, ec.HardeningCurve):
-            polygon = law.hardening.polygon()
-            slope = polygon.last_slope
-            points = np.array([polygon.plastic_strain, polygon.stress])
+        if hasattr(law.hardening, "of_law"):
+            curve = law.hardening.of_law()
+            slope = curve.last_slope
+            points = np.array([curve.plastic_strain, curve.stress])
+            self.bulge = np.append(curve.bulge, 0.0)
         else:
             slope = law.hardening
             points = np.array([[0.0], [law.yield_stress]])
+            self.bulge = np.zeros(1)
         far = points[:, -1] + np.array([FAR, FAR * slope])
         self.strain, self.stress = np.column_stack([points, far])
         widths = np.diff(self.strain)
-        means = (self.stress[1:] + self.stress[:-1]) / 2
+        # The mean of a parabola 4 b x (1 - x) is 2/3 of its height b.
+        means = (self.stress[1:] + self.stress[:-1]) / 2 + 2 / 3 * self.bulge
         self.work = np.append(0.0, np.cumsum(widths * means))
 
     def k(self, a: np.ndarray) -> np.ndarray:
         """Return the slope of W: the yield stress and the back stress [force/area]."""
-        return np.asarray(np.interp(a, self.strain, self.stress) + self.kinematic * a)
+        piece, part = self.place(a)
+        above = 4 * self.bulge[piece] * part * (1 - part)
+        return np.asarray(np.interp(a, self.strain, self.stress) + above + self.kinematic * a)
 
     def W(self, a: np.ndarray) -> np.ndarray:
         """Return the energy of hardening and the work of yielding [force/area]."""
-        piece = np.clip(np.searchsorted(self.strain, a) - 1, 0, len(self.strain) - 2)
-        into = a - self.strain[piece]
-        slope = np.diff(self.stress)[piece] / np.diff(self.strain)[piece]
-        of_curve = self.work[piece] + into * (self.stress[piece] + slope * into / 2)
+        piece, part = self.place(a)
+        of_line = self.stress[piece] + np.diff(self.stress)[piece] * part / 2
+        of_bulge = self.bulge[piece] * part * (2 - 4 / 3 * part)
+        into = part * np.diff(self.strain)[piece]
+        of_curve = self.work[piece] + into * (of_line + of_bulge)
         return np.asarray(of_curve + self.kinematic * a**2 / 2)
+
+    def place(self, a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the piece of the curve, and the part of it that lies before a."""
+        piece = np.clip(np.searchsorted(self.strain, a) - 1, 0, len(self.strain) - 2)
+        return piece, (a - self.strain[piece]) / np.diff(self.strain)[piece]
 
     def root(self, rise: Callable[[np.ndarray], np.ndarray], most: np.ndarray) -> np.ndarray:
         """Return the root of a rising function from 0 to most, 0 if it is above."""
@@ -251,7 +262,8 @@ class Yielding:
 
     def yielded(self, q: np.ndarray) -> np.ndarray:
         """Return the accumulated plastic strain of deviators of length q."""
-        least = (np.diff(self.stress) / np.diff(self.strain)).min() + self.kinematic
+        rises = np.diff(self.stress) - 4 * abs(self.bulge)
+        least = (rises / np.diff(self.strain)).min() + self.kinematic
         most = np.maximum(q - self.stress[0], 0.0) / least
         return self.root(lambda a: self.k(a) - q, most)
 

@@ -4,8 +4,8 @@ A scene is a body in the plane, of revolution or in 3D, or two bodies in the pla
 pressed and pushed by displacements and loads on a foundation, without friction or with
 Tresca friction, of degree 1 or 2, by Nitsche's method or the augmented Lagrangian. Its
 law is plasticity with isotropic, kinematic or both hardenings, 1% to 100% of E, or by
-a curve with convex parts and flat ones, alone or with kinematic hardening, and
-loads from below yielding to ten times as much; or two moduli in tension and
+a curve with convex parts and flat ones or a function, alone or with kinematic
+hardening, and loads from below yielding to ten times as much; or two moduli in tension and
 compression; or fibres that carry tension only. A reference is three uniform refinements
 finer (two in 3D), of degree 2: the exact energy J(u) is in its interval. Told are
 
@@ -20,9 +20,11 @@ A history loads, unloads and loads again, each time in another way. Its last ste
 tested against a reference that begins with the same state.
 
     OMP_NUM_THREADS=1 python benchmarks/potentials.py
-        [scenes|histories|curves|curve_histories|preloads|rates] [seed] [count]
+        [scenes|histories|preloads|rates] [seed] [count]
+        [curves|curve_histories|functions|function_histories] [seed] [count]
 
-Of ``curves`` and ``curve_histories`` all laws harden by curves. Of ``preloads`` two
+Of ``curves`` and ``curve_histories`` all laws harden by curves through points, of
+``functions`` and ``function_histories`` by Voce's or Swift's function. Of ``preloads`` two
 halves of each body are pushed apart or drawn together, by a shift or by a force.
 
 ``rates`` prints eps against unknowns with ``Mark`` for a plastic layer. With it seed
@@ -151,6 +153,27 @@ def random_curve(rng: np.random.Generator, kind: str) -> tuple[Any, str]:
     nu = float(rng.uniform(0.0, 0.45))
     law = ec.Plastic(E, nu, None, curve, kinematic, HYPOTHESES[kind])
     return law, f"curve of {count + 1} points, kinematic {kinematic:.0%}"
+
+
+def random_function(rng: np.random.Generator, kind: str) -> tuple[Any, str]:
+    """Make a law that hardens by Voce's or Swift's function, and tell it in words."""
+    if rng.random() < 0.6:
+        rate = float(10 ** rng.uniform(0.5, 3))
+        saturation = YIELD * float(10 ** rng.uniform(-1, 0.7))
+        function: Any = ec.Voce(YIELD, saturation, rate, float(rng.choice([0.0, 0.02])))
+        words = f"Voce +{saturation / YIELD:.1f} by {rate:.3g}"
+    else:
+        offset, exponent = float(10 ** rng.uniform(-3, -1)), float(rng.uniform(0.1, 0.8))
+        function = ec.Swift(YIELD / offset**exponent, offset, exponent)
+        words = f"Swift {offset:.2g} to the {exponent:.2f}"
+    kinematic = float(rng.choice([0.0, 0.05]))
+    nu = float(rng.uniform(0.0, 0.45))
+    law = ec.Plastic(E, nu, None, function, kinematic, HYPOTHESES[kind])
+    return law, f"{words}, kinematic {kinematic:.0%}"
+
+
+MAKERS: dict[str, MakesLaw] = {"curve": random_curve, "funct": random_function}
+"""What makes the laws of a kind of scenes, by its first letters."""
 
 
 def random_body(rng: np.random.Generator, make: MakesLaw = random_law) -> Body:
@@ -298,7 +321,7 @@ def study(kind: str, seed: int, count: int) -> None:
     failed = 0
     for number in range(count):
         rng = scene_generator(seed, number)
-        body = random_body(rng, random_curve if kind.startswith("curve") else random_law)
+        body = random_body(rng, MAKERS.get(kind[:5], random_law))
         try:
             if kind.endswith("histories"):
                 row = run_history(rng, body)

@@ -222,7 +222,7 @@ def _plastic_of(
     rows = material.plastic
     if len(rows) > 2:
         curve = _curve_of(rows)
-        if curve.polygon() != curve:
+        if curve.of_law() != curve:
             reading.told.assume(
                 material.card,
                 f"{material.name!r} hardens by a tenth of its yield stress per unit of plastic "

@@ -1,8 +1,9 @@
 """Declare how the yield stress grows with the plastic strain: curves, Voce, Swift.
 
-A curve is a polygon through points of plastic strain and yield stress. The load step of
-a plastic law with it has a closed potential (:mod:`erc_contact.scene.flow`), so that
-the bound of the error is proved as for linear hardening.
+A curve goes through points of plastic strain and yield stress, as a line or a parabola
+between each two of them. The load step of a plastic law with it has a closed potential
+(:mod:`erc_contact.scene.flow`), so that the bound of the error is proved as for linear
+hardening.
 
 Symbols: a accumulated plastic strain [-], k yield stress at a [force/area].
 """
@@ -24,32 +25,34 @@ Where k does not grow, psi* is infinite beyond it, and no stress near it has an 
 """
 MOST_POINTS = 60
 """Greatest number of points of a curve: UFL follows no more of them."""
-PIECES = 24
-"""Number of pieces of the polygon in the place of a function."""
+MOST_PIECES = 24
+"""Greatest number of pieces in the place of a function."""
+NEAR_ENOUGH = 2e-3
+"""Share of k by which so few pieces may miss a function [-]."""
 SAMPLES = 4000
-"""Number of plastic strains at which the bend of a function is sampled."""
+"""Number of plastic strains at which a function is sampled."""
+ROUND_OFF = 1e-12
+"""Share of a quarter of a rise by which a bulge may be beyond it [-]."""
 FIRST_SAMPLE = 1e-7
 """Least plastic strain of these above zero, over the greatest [-]."""
-EVEN_SHARE = 0.1
-"""Share of the pieces that are spread evenly, whatever the bend [-]."""
 
 
 class Hardening:
     """Let the yield stress be a function of the accumulated plastic strain."""
 
-    def polygon(self) -> HardeningCurve:
+    def of_law(self) -> HardeningCurve:
         """Return the curve that a plastic law takes."""
         raise NotImplementedError
 
 
 @dataclass(frozen=True)
 class HardeningCurve(Hardening):
-    """Declare isotropic hardening by points of a measured curve, linear between them.
+    """Declare isotropic hardening by points of a measured curve.
 
     The first stress is the yield stress. Beyond the last point the stress stays, as in
     CalculiX and Abaqus. But psi* is infinite beyond a stress that does not grow: from
     each point the curve rises by at least a tenth of its first stress per unit of
-    plastic strain, by 0.1% of it along a plastic strain of 1% (:meth:`polygon`).
+    plastic strain, by 0.1% of it along a plastic strain of 1% (:meth:`of_law`).
 
     A table of the place, ``ec.table(x, values)``, in the place of a curve is a slope
     that varies in the body.
@@ -58,6 +61,9 @@ class HardeningCurve(Hardening):
         plastic_strain: True plastic strains in tension [-], from 0 on, increasing,
             shape (n,), with 2 <= n <= 60.
         stress: Yield stresses there [force/area], > 0, never decreasing, shape (n,).
+        bulge: What the curve is above the line between two points, in the middle
+            between them [force/area], shape (n-1,): it is a parabola there, which must
+            not decrease. By default it is straight.
 
     Raises:
         InputError: If the points are no such curve.
@@ -71,10 +77,11 @@ class HardeningCurve(Hardening):
 
     plastic_strain: Sequence[float]
     stress: Sequence[float]
+    bulge: Sequence[float] = ()
 
     def __post_init__(self) -> None:
         """Check the points."""
-        for name in ("plastic_strain", "stress"):
+        for name in ("plastic_strain", "stress", "bulge"):
             object.__setattr__(self, name, _numbers(name, getattr(self, name)))
         strain = np.array(self.plastic_strain)
         stress = np.array(self.stress)
@@ -86,16 +93,18 @@ class HardeningCurve(Hardening):
                 "stress/E from total strains."
             )
         _check_stress(strain, stress)
+        if not self.bulge:
+            object.__setattr__(self, "bulge", (0.0,) * (len(stress) - 1))
+        _check_bulge(stress, np.array(self.bulge))
 
     @classmethod
     def through(
         cls, stress: Callable[[np.ndarray], np.ndarray], up_to: float = 1.0
     ) -> HardeningCurve:
-        """Make the curve of a function k(a): 24 pieces between points of it.
+        """Make the curve of a function k(a), of parabolas between points of it.
 
-        They are short where the function bends. The law of the body is this polygon,
-        and the error is certified for it; of a concave function it lies below the
-        function.
+        They are as many as bring the curve to 0.2% of k, or 24. The law of the body is
+        this curve, and the error is certified for it.
 
         Args:
             stress: Yield stresses [force/area] of accumulated plastic strains [-], both
@@ -108,7 +117,7 @@ class HardeningCurve(Hardening):
         Example:
             >>> curve = ec.HardeningCurve.through(lambda a: 200.0 + 300.0 * a**0.5)
             >>> len(curve.stress), round(curve.stress[-1], 9)
-            (25, 500.0)
+            (16, 500.0)
         """
         if not 0.0 < up_to < np.inf:
             raise InputError(f"HardeningCurve: up_to is {up_to!r}; it must be > 0 and finite [-].")
@@ -120,37 +129,61 @@ class HardeningCurve(Hardening):
                 f"strain from 0 to {up_to:g}; write it with numpy, for arrays."
             )
         _check_stress(strain, value)
-        ends = _ends_of_pieces(strain, value)
-        return cls(strain[ends].tolist(), value[ends].tolist())
+        return _through_samples(strain, value)
 
-    def polygon(self) -> HardeningCurve:
+    def __call__(self, strain: Any) -> np.ndarray:
+        """Return the yield stress at accumulated plastic strains [force/area].
+
+        Beyond the last point it stays.
+        """
+        points = np.array(self.plastic_strain)
+        inside = np.clip(strain, 0.0, points[-1])
+        piece = np.clip(np.searchsorted(points, inside) - 1, 0, len(points) - 2)
+        part = (inside - points[piece]) / np.diff(points)[piece]
+        above = 4 * np.array(self.bulge)[piece] * part * (1 - part)
+        return np.asarray(np.interp(inside, points, self.stress) + above)
+
+    def of_law(self) -> HardeningCurve:
         """Return the curve with the least slope that a law needs.
 
         A stress that grows less is raised, until the curve has grown beyond it.
 
         Example:
             >>> flat = ec.HardeningCurve([0.0, 0.1, 0.2], [50.0, 50.0, 90.0])
-            >>> flat.polygon().stress
+            >>> flat.of_law().stress
             (50.0, 50.5, 90.0)
         """
         least = self.stress[0] * LEAST_SLOPE * np.array(self.plastic_strain)
         given = np.array(self.stress)
         above = np.maximum.accumulate(given - least)
         raised = np.where(above > given - least, above + least, given)
-        return HardeningCurve(self.plastic_strain, raised.tolist())
+        most = np.maximum(np.diff(raised - least), 0.0) / 4
+        bulge = np.clip(self.bulge, -most, most)
+        return HardeningCurve(self.plastic_strain, raised.tolist(), bulge.tolist())
 
     @property
     def last_slope(self) -> float:
-        """Return the slope of :meth:`polygon` beyond its last point [force/area]."""
+        """Return the slope of :meth:`of_law` beyond its last point [force/area]."""
         return self.stress[0] * LEAST_SLOPE
+
+    def derivatives(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the slopes beyond the points, and the second derivatives there.
+
+        Returns:
+            Both [force/area], shape (n,); beyond the last point the curve is straight.
+        """
+        widths = np.diff(self.plastic_strain)
+        bulge = np.array(self.bulge)
+        slopes = (np.diff(self.stress) + 4 * bulge) / widths
+        return np.append(slopes, self.last_slope), np.append(-8 * bulge / widths**2, 0.0)
 
 
 @dataclass(frozen=True)
 class Voce(Hardening):
     """Declare hardening that saturates: ``k = y + q (1 - exp(-b a)) + h a``.
 
-    The body takes it as a polygon (:meth:`HardeningCurve.through`), which is below it
-    by 0.2% of k at most.
+    The body takes it as parabolas (:meth:`HardeningCurve.through`), which miss it by
+    0.2% of k at most.
 
     Args:
         yield_stress: The yield stress y [force/area], > 0.
@@ -186,17 +219,17 @@ class Voce(Hardening):
         saturated = 1.0 - np.exp(-self.rate * np.asarray(strain))
         return self.yield_stress + self.saturation * saturated + self.slope * np.asarray(strain)
 
-    def polygon(self) -> HardeningCurve:
+    def of_law(self) -> HardeningCurve:
         """Return the curve that a plastic law takes."""
-        return HardeningCurve.through(self).polygon()
+        return HardeningCurve.through(self).of_law()
 
 
 @dataclass(frozen=True)
 class Swift(Hardening):
     """Declare hardening by a power of the strain: ``k = K (a_0 + a)^n``.
 
-    The body takes it as a polygon (:meth:`HardeningCurve.through`), which is below it
-    by 0.4% of k at most where ``a_0 >= 1e-3``.
+    The body takes it as parabolas (:meth:`HardeningCurve.through`), which miss it by
+    0.2% of k at most where ``a_0 >= 1e-3``.
 
     Args:
         strength: K [force/area], > 0.
@@ -229,9 +262,9 @@ class Swift(Hardening):
         """Return the yield stress at accumulated plastic strains [force/area]."""
         return self.strength * (self.offset + np.asarray(strain)) ** self.exponent
 
-    def polygon(self) -> HardeningCurve:
+    def of_law(self) -> HardeningCurve:
         """Return the curve that a plastic law takes."""
-        return HardeningCurve.through(self).polygon()
+        return HardeningCurve.through(self).of_law()
 
 
 def _numbers(name: str, values: Any) -> tuple[float, ...]:
@@ -280,6 +313,23 @@ def _check_stress(strain: np.ndarray, stress: np.ndarray) -> None:
         )
 
 
+def _check_bulge(stress: np.ndarray, bulge: np.ndarray) -> None:
+    """Check that parabolas between points do not fall."""
+    if bulge.shape != (len(stress) - 1,):
+        raise InputError(
+            f"HardeningCurve: bulge has {len(bulge)} values; give one for each of the "
+            f"{len(stress) - 1} pieces between points."
+        )
+    rises = np.diff(stress)
+    falls = np.flatnonzero(abs(bulge) > rises / 4 * (1 + ROUND_OFF))
+    if len(falls):
+        piece = falls[0]
+        raise InputError(
+            f"HardeningCurve: bulge[{piece}] is {bulge[piece]:g}; between points whose stress "
+            f"grows by {rises[piece]:g} a parabola falls where it is beyond a quarter of this."
+        )
+
+
 def _check_positive(law: str, **numbers: float) -> None:
     """Check that numbers are > 0 and finite."""
     for name, value in numbers.items():
@@ -295,19 +345,36 @@ def _check_not_negative(law: str, name: str, value: float) -> None:
         raise InputError(f"{law}: {name} is {value!r}; it must be >= 0 and finite.")
 
 
-def _ends_of_pieces(strain: np.ndarray, stress: np.ndarray) -> np.ndarray:
-    """Return the samples between which the pieces of a function lie, (PIECES + 1,).
+def _through_samples(strain: np.ndarray, stress: np.ndarray) -> HardeningCurve:
+    """Return a curve of few pieces near samples of a function, shapes (m,).
 
-    The distance of a piece of length h from the function is ``h^2 |k''|/8`` at most. It
-    is the same share of k in all pieces where h is like ``(|k''|/k)^-1/2``.
+    A new point is set where the curve misses the function most.
     """
-    step = np.diff(strain)
-    slope = np.diff(stress) / step
-    bend = 2 * abs(np.diff(slope)) / (strain[2:] - strain[:-2])
-    of_bend = np.sqrt(np.append(bend[0], bend) / abs(stress[1:])) * step
-    of_length = step / strain[-1]
-    parts = EVEN_SHARE * of_length
-    parts += (1 - EVEN_SHARE) * of_bend / max(of_bend.sum(), np.finfo(float).tiny)
-    reached = np.append(0.0, np.cumsum(parts))
-    wanted = np.linspace(0.0, reached[-1], PIECES + 1)
-    return np.unique(np.abs(reached[:, None] - wanted).argmin(axis=0))
+    ends = np.array([0, len(strain) - 1])
+    while True:
+        curve = _through(strain, stress, ends)
+        missed = abs(curve(strain) / stress - 1.0)
+        if missed.max() <= NEAR_ENOUGH or len(ends) > MOST_PIECES:
+            return curve
+        ends = np.sort(np.append(ends, missed.argmax()))
+
+
+def _through(strain: np.ndarray, stress: np.ndarray, ends: np.ndarray) -> HardeningCurve:
+    """Return the curve through some samples of a function.
+
+    A parabola between two of them has half the difference of its end slopes from the
+    function. Where it would fall, it has the greatest difference with which it grows.
+
+    Args:
+        strain: Plastic strains of the samples [-], shape (m,).
+        stress: Yield stresses of the samples [force/area], shape (m,).
+        ends: The samples, shape (n,).
+    """
+    slopes = np.diff(stress) / np.diff(strain)
+    widths = np.diff(strain[ends])
+    rises = np.diff(stress[ends])
+    # A function may have kinks at the ends: each piece takes the slope on its side.
+    first = slopes[ends[:-1]]
+    last = slopes[ends[1:] - 1]
+    bulge = np.clip((first - last) * widths / 8, -rises / 4, rises / 4)
+    return HardeningCurve(strain[ends].tolist(), stress[ends].tolist(), bulge.tolist())

@@ -8,9 +8,8 @@ yield stress at a.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import reduce
 from numbers import Real
 from typing import Any, ClassVar, NamedTuple
 
@@ -18,7 +17,13 @@ import ufl
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl, Value
-from erc_contact.scene.flow import Flow, Point, flow, polygon, yield_stress_at
+from erc_contact.scene.flow import (
+    Flow,
+    Point,
+    flow,
+    least_slope,
+    yield_stress_at,
+)
 from erc_contact.scene.hardening import Hardening, HardeningCurve, Swift, Voce
 from erc_contact.scene.material import (
     AXISYMMETRIC,
@@ -143,16 +148,19 @@ class Plastic:
             return result
         del result["hardening"]
         if not isinstance(self.hardening, Mapping):
-            curve = _polygon_of("", self.hardening, self.yield_stress)
-            return result | curve.parameters(len(curve.points))
+            curve = _curve_of("", self.hardening, self.yield_stress)
+            return result | _parameters(curve, len(curve), straight=_is_straight(curve))
         curves = {}
         for region, slope in self.hardening.items():
             given = self.yield_stress
             if isinstance(given, Mapping):
                 given = given.get(region)
-            curves[region] = _polygon_of(region, slope, given)
-        count = max(len(curve.points) for curve in curves.values())
-        rows = {region: curve.parameters(count) for region, curve in curves.items()}
+            curves[region] = _curve_of(region, slope, given)
+        count = max(len(curve) for curve in curves.values())
+        straight = all(_is_straight(curve) for curve in curves.values())
+        rows = {
+            region: _parameters(curve, count, straight=straight) for region, curve in curves.items()
+        }
         for name in next(iter(rows.values())):
             result[name] = {region: row[name] for region, row in rows.items()}
         return result
@@ -173,7 +181,7 @@ class Plastic:
             Elastic.check(name, low, high)
         elif name == "yield_stress" and not 0.0 < low <= high < float("inf"):
             raise InputError(f"Plastic: {what} is {low:g}; it must be > 0 and finite [force/area].")
-        elif not 0.0 <= low <= high < float("inf"):
+        elif not name.startswith("bend_") and not 0.0 <= low <= high < float("inf"):
             raise InputError(
                 f"Plastic: {what} is {low:g}; it must be >= 0 and finite [force/area]."
             )
@@ -230,8 +238,7 @@ class Plastic:
 
         A free strain moves the potential, and leaves its curvature.
         """
-        slopes = [point.slope for point in _points(**hardening)]
-        slope = kinematic + reduce(ufl.min_value, slopes)
+        slope = kinematic + least_slope(_points(**hardening))
         return slope / (slope + 3 * E / (2 * (1 + nu)))
 
     def modulus(self, E: Ufl, **others: Ufl) -> Ufl:
@@ -239,44 +246,62 @@ class Plastic:
         return E
 
 
-class _Polygon(NamedTuple):
-    """Hold the hardening of a region: yield stress, points beyond, slope beyond."""
+class _Corner(NamedTuple):
+    """Hold a point of a curve, and the parabola beyond it, as :class:`flow.Point`."""
 
-    yield_stress: float
-    points: list[tuple[float, float]]
-    last_slope: float
-
-    def parameters(self, count: int) -> dict[str, float]:
-        """Return the parameters of the law, with ``count`` points.
-
-        Points that are added lie beyond the last one, on its line.
-        """
-        result = {"yield_stress": self.yield_stress, "last_slope": self.last_slope}
-        points = list(self.points)
-        while len(points) < count:
-            strain, stress = points[-1] if points else (0.0, self.yield_stress)
-            points.append((strain + 1.0, stress + self.last_slope))
-        for i, (strain, stress) in enumerate(points):
-            result |= {f"strain_{i}": strain, f"stress_{i}": stress}
-        return result
+    strain: float
+    stress: float
+    slope: float
+    bend: float = 0.0
 
 
-def _polygon_of(region: str, hardening: Slope, yield_stress: Any) -> _Polygon:
-    """Return the hardening of a region.
+def _parameters(corners: Sequence[_Corner], count: int, *, straight: bool) -> dict[str, float]:
+    """Return the parameters of a law that hardens by a curve, with ``count`` points.
+
+    Points that are added lie beyond the last one, on its line.
+
+    Args:
+        corners: The points of the curve.
+        count: The number of points in all regions.
+        straight: Whether all curves are polygons: the law has no bends then.
+    """
+    points = list(corners)
+    while len(points) < count:
+        strain, stress, slope, _ = points[-1]
+        points.append(_Corner(strain + 1.0, stress + slope, slope))
+    result = {"yield_stress": points[0].stress}
+    for i, point in enumerate(points):
+        result[f"slope_{i}"] = point.slope
+        if i > 0:
+            result |= {f"strain_{i}": point.strain, f"stress_{i}": point.stress}
+        if not straight:
+            result[f"bend_{i}"] = point.bend
+    return result
+
+
+def _is_straight(corners: Sequence[_Corner]) -> bool:
+    """Tell whether a curve is a polygon."""
+    return not any(point.bend for point in corners)
+
+
+def _curve_of(region: str, hardening: Slope, yield_stress: Any) -> list[_Corner]:
+    """Return the points of the curve of a region.
 
     Raises:
         InputError: If it has not exactly one yield stress, or its numbers vary in it.
     """
     where = f" in {region!r}" if region else ""
     if isinstance(hardening, Hardening):
-        curve: HardeningCurve = hardening.polygon()
-        first, *others = zip(curve.plastic_strain, curve.stress, strict=True)
-        if yield_stress not in (None, first[1]):
+        curve: HardeningCurve = hardening.of_law()
+        first = curve.stress[0]
+        if yield_stress not in (None, first):
             raise InputError(
                 f"Plastic: yield_stress{where} is {yield_stress!r}, and the curve begins with "
-                f"{first[1]:g}. Leave yield_stress out: it is the first stress of the curve."
+                f"{first:g}. Leave yield_stress out: it is the first stress of the curve."
             )
-        return _Polygon(first[1], others, curve.last_slope)
+        slopes, bends = (values.tolist() for values in curve.derivatives())
+        columns = zip(curve.plastic_strain, curve.stress, slopes, bends, strict=True)
+        return [_Corner(*column) for column in columns]
     if not isinstance(hardening, Real) or not isinstance(yield_stress, Real):
         raise InputError(
             f"Plastic: beside a curve, yield_stress{where} is {yield_stress!r} and hardening "
@@ -287,19 +312,24 @@ def _polygon_of(region: str, hardening: Slope, yield_stress: Any) -> _Polygon:
             f"Plastic: beside a curve, hardening{where} is {hardening:g}; it must be > 0 "
             "[force/area], e.g. 1% of E."
         )
-    return _Polygon(float(yield_stress), [], float(hardening))
+    return [_Corner(0.0, float(yield_stress), float(hardening))]
 
 
-def _points(yield_stress: Ufl, last_slope: Ufl = None, **others: Ufl) -> list[Point]:
-    """Return the polygon of hardening of parameters, UFL; see :class:`Plastic`.
+def _points(yield_stress: Ufl, hardening: Ufl = None, **of_curve: Ufl) -> list[Point]:
+    """Return the points of hardening of parameters, UFL; see :class:`Plastic`.
 
-    Linear hardening has ``hardening`` in the place of ``last_slope``.
+    Linear hardening has a slope alone.
     """
-    if last_slope is None:
-        return polygon(yield_stress, others["hardening"])
-    count = len(others) // 2
-    further = [(others[f"strain_{i}"], others[f"stress_{i}"]) for i in range(count)]
-    return polygon(yield_stress, last_slope, further)
+    nothing = ufl.as_ufl(0.0)
+    if hardening is not None:
+        return [Point(nothing, yield_stress, hardening, nothing)]
+    points = []
+    for i in range(sum(name.startswith("slope_") for name in of_curve)):
+        strain = of_curve[f"strain_{i}"] if i else nothing
+        stress = of_curve[f"stress_{i}"] if i else yield_stress
+        bend = of_curve.get(f"bend_{i}", nothing)
+        points.append(Point(strain, stress, of_curve[f"slope_{i}"], bend))
+    return points
 
 
 def _at_point(

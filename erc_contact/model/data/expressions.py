@@ -5,16 +5,21 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import basix
+import cffi
 import numpy as np
 import ufl
 from dolfinx import fem
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
+from ufl.algorithms import extract_coefficients
+from ufl.algorithms.analysis import extract_constants
 from ufl.corealg.traversal import traverse_unique_terminals
 
+from erc_contact.base.library import library
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_tables import TableFunction, has_tables
 from erc_contact.base.ufl_types import Ufl
@@ -32,32 +37,20 @@ from namedmesh.base.communicators import lasting
 from namedmesh.base.releases import cell_nodes
 from namedmesh.simplex import inverses
 
-POINT_CHUNK = 4096
-"""Number of points at which an expression is evaluated at once."""
+KERNELS = Path(__file__).parent / "kernels"
+"""Folder of the C source that calls compiled expressions."""
 
 
 @cache
-def line_of_points() -> dmesh.Mesh:
-    """Make a mesh whose POINT_CHUNK cells carry the values of as many points.
-
-    It has no other meaning.
-    """
-    return dmesh.create_interval(MPI.COMM_SELF, POINT_CHUNK, (0.0, 1.0))
-
-
-@cache
-def _numbers(shape: tuple[int, ...]) -> fem.FunctionSpace:
-    """Make the space of functions with a value of this shape for each point."""
-    V = fem.functionspace(line_of_points(), ("DG", 0, shape))
-    # Values of points are written in the order of the cells.
-    assert np.array_equal(V.dofmap.list[:, 0], np.arange(POINT_CHUNK))
-    return V
+def line() -> dmesh.Mesh:
+    """Make a mesh for what stands for numbers; it has no other meaning."""
+    return dmesh.create_interval(MPI.COMM_SELF, 1, (0.0, 1.0))
 
 
 @cache
 def stand_in(shape: tuple[int, ...], which: int) -> fem.Function:
     """Make a function that stands for a value of a shape at each point."""
-    return fem.Function(_numbers(shape))
+    return fem.Function(fem.functionspace(line(), ("DG", 0, shape)))
 
 
 def evaluate(
@@ -230,33 +223,36 @@ class OfNumbers:
         is_matrix: Whether it has so many operations that it is compiled in any case.
 
     Attributes:
-        numbers: The terminals that vary; in a compiled expression with the function
-            that stands for each.
+        numbers: The terminals that vary.
     """
 
     def __init__(self, expression: Ufl, comm: MPI.Comm, *, is_matrix: bool = False) -> None:
-        self.numbers: dict[Ufl, Any] = {}
-        self._constants: dict[Ufl, fem.Constant] = {}
         self._size = int(np.prod(expression.ufl_shape))
         self._code = None if is_matrix else array_code(expression)
         if self._code is not None:
-            self.numbers = dict.fromkeys(self._code.fields)
+            self.numbers = list(self._code.fields)
             return
         # The terminals of a shape get the same stand-ins in every expression, in their
         # order. So equal expressions have equal signatures.
         fields: Counter[tuple[int, ...]] = Counter()
         parameters: Counter[tuple[int, ...]] = Counter()
+        stands: dict[Ufl, Ufl] = {}
         for terminal in traverse_unique_terminals(expression):
             if isinstance(terminal, ufl.classes.Coefficient | ufl.classes.GeometricQuantity):
                 shape = terminal.ufl_shape
-                self.numbers[terminal] = stand_in(shape, fields[shape])
+                stands[terminal] = stand_in(shape, fields[shape])
                 fields[shape] += 1
             elif isinstance(terminal, fem.Constant | ufl.classes.FloatValue):
                 shape = terminal.ufl_shape
-                self._constants[terminal] = _parameter(shape, parameters[shape])
+                stands[terminal] = _parameter(shape, parameters[shape])
                 parameters[shape] += 1
-        replaced = ufl.replace(expression, {**self.numbers, **self._constants})
+        replaced = ufl.replace(expression, stands)
         self._compiled = _compile(replaced, np.array([[0.5]]), comm)
+        stood_for = {function: terminal for terminal, function in stands.items()}
+        self.numbers = [stood_for[function] for function in _coefficients(self._compiled)]
+        self._constants = [stood_for[constant] for constant in extract_constants(replaced)]
+        tabulate = self._compiled.ufcx_expression.tabulate_tensor_float64
+        self._address = int(cffi.FFI().cast("uintptr_t", tabulate))
 
     def __call__(self, numbers: Mapping[Ufl, np.ndarray], count: int) -> np.ndarray:
         """Evaluate the expression for numbers of its terminals.
@@ -270,29 +266,40 @@ class OfNumbers:
         """
         if self._code is not None:
             return self._code(numbers, count).reshape(count, self._size)
-        for terminal, constant in self._constants.items():
-            if isinstance(terminal, fem.Constant):
-                constant.value = terminal.value
-            else:
-                constant.value = float(terminal)
-        size = self._compiled.value_size
-        values = np.empty((count, size))
-        for start in range(0, count, POINT_CHUNK):
-            chunk = slice(start, min(start + POINT_CHUNK, count))
-            cells = np.arange(chunk.stop - start, dtype=np.int32)
-            for terminal, array in numbers.items():
-                if terminal in self.numbers:
-                    # The points are in the order of the cells that stand for them.
-                    of_cells = self.numbers[terminal].x.array.reshape(POINT_CHUNK, -1)
-                    of_cells[: len(cells)] = array[chunk]
-            values[chunk] = self._compiled.eval(line_of_points(), cells).reshape(len(cells), size)
+        columns = [numbers[terminal] for terminal in self.numbers]
+        # The numbers of a law are a table already, which is not copied.
+        rows = columns[0] if len(columns) == 1 else np.hstack(columns)
+        rows = np.ascontiguousarray(rows, dtype=np.float64)
+        constants = np.zeros(0)
+        if self._constants:
+            constants = np.concatenate([_flat(constant) for constant in self._constants])
+        values = np.zeros((count, self._size))
+        sizes = self._size, values, rows.shape[1]
+        # The kernels know no dimension.
+        kernels = library(KERNELS, 1)
+        kernels("at_points", self._address, count, *sizes, rows, constants)
         return values
+
+
+def _coefficients(expression: fem.Expression) -> list[fem.Function]:
+    """Return the functions in a compiled expression in the order of its numbers."""
+    functions = extract_coefficients(expression.ufl_expression)
+    compiled_form = expression.ufcx_expression
+    order = compiled_form.original_coefficient_positions
+    return [functions[order[i]] for i in range(compiled_form.num_coefficients)]
+
+
+def _flat(constant: Ufl) -> np.ndarray:
+    """Return the numbers of a Constant, or of a number in UFL, shape (size,)."""
+    if isinstance(constant, fem.Constant):
+        return np.ravel(constant.value)
+    return np.array([float(constant)])
 
 
 @cache
 def _parameter(shape: tuple[int, ...], which: int) -> fem.Constant:
     """Make a Constant that stands for a constant of a shape."""
-    return compiled.constant(line_of_points(), np.zeros(shape))
+    return compiled.constant(line(), np.zeros(shape))
 
 
 @cache

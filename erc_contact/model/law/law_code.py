@@ -17,7 +17,7 @@ from mpi4py import MPI
 
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.data.expressions import OfNumbers, line_of_points, stand_in
+from erc_contact.model.data.expressions import OfNumbers, line, stand_in
 from erc_contact.model.data.symbolic import without_derivatives, without_variables
 from erc_contact.model.law.law_entries import entries, size_of, state_after
 from erc_contact.scene.material import in_tensor, mandel_basis
@@ -107,9 +107,8 @@ class LawCode:
         self._values = {name: self.row[6 + i] for i, name in enumerate(names)}
         state = [self.row[i] for i in range(self.place_of_state, size)]
         self._values |= entries(shapes, state)
-        points = line_of_points()
         for name, value in kind.constants.items():
-            self._values[name] = compiled.constant(points, value)
+            self._values[name] = compiled.constant(line(), value)
 
     def is_of(self, potential: Potential) -> bool:
         """Tell whether a law is of the same class, with equal attributes as before."""

@@ -1,0 +1,6 @@
+/* The kernels of compiled expressions. Python reads these lines, too. Arrays are contiguous. */
+
+/* expressions.py: evaluates an expression that FFCx has compiled, by its address, at points: values (n, size) of numbers
+   (n, width) and constants. It adds to the values. */
+void at_points(long long tabulate, int n, int size, double *values, int width, const double *numbers,
+               const double *constants);
