@@ -5,8 +5,8 @@ pressed and pushed by displacements and loads on a foundation, without friction 
 Tresca friction, of degree 1 or 2, by Nitsche's method or the augmented Lagrangian. Its
 law is plasticity with isotropic, kinematic or both hardenings, 1% to 100% of E, or by
 a curve with convex parts and flat ones or a function, alone or with kinematic
-hardening, and loads from below yielding to ten times as much; or two moduli in tension and
-compression; or fibres that carry tension only. A reference is three uniform refinements
+hardening, and loads from below yielding to ten times as much; or two moduli in tension
+and compression; or fibres that carry tension only. A reference is three uniform refinements
 finer (two in 3D), of degree 2: the exact energy J(u) is in its interval. Told are
 
     violations   e^2/2 < J(u^) - J(u), or e^2/2 < J*(sigma^) - J*(sigma), for each J(u)
@@ -24,8 +24,8 @@ tested against a reference that begins with the same state.
         [curves|curve_histories|functions|function_histories] [seed] [count]
 
 Of ``curves`` and ``curve_histories`` all laws harden by curves through points, of
-``functions`` and ``function_histories`` by Voce's or Swift's function. Of ``preloads`` two
-halves of each body are pushed apart or drawn together, by a shift or by a force.
+``functions`` and ``function_histories`` by Voce's or Swift's function. Of ``preloads``
+two halves of each body are pushed apart or drawn together, by a shift or by a force.
 
 ``rates`` prints eps against unknowns with ``Mark`` for a plastic layer. With it seed
 and count mean nothing.
