@@ -6,8 +6,9 @@ Tresca friction, of degree 1 or 2, by Nitsche's method or the augmented Lagrangi
 law is plasticity with isotropic, kinematic or both hardenings, 1% to 100% of E, or by
 a curve with convex parts and flat ones or a function, alone or with kinematic
 hardening, and loads from below yielding to ten times as much; or two moduli in tension
-and compression; or fibres that carry tension only. A reference is three uniform refinements
-finer (two in 3D), of degree 2: the exact energy J(u) is in its interval. Told are
+and compression; or fibres that carry tension only. A reference is three uniform
+refinements finer (two in 3D), of degree 2: the exact energy J(u) is in its interval.
+Told are
 
     violations   e^2/2 < J(u^) - J(u), or e^2/2 < J*(sigma^) - J*(sigma), for each J(u)
                  of the interval: none is allowed
