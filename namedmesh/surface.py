@@ -252,14 +252,13 @@ def _held_back(
 
 @dataclass(frozen=True, eq=False)
 class Slivers:
-    """Hold moments of the height of the true surface over facets.
+    """Hold the height of the true surface over facets.
 
     The height is ``o.n``, with the offset o and the normal n out of a cell: it is
     positive where the facet cuts a sliver off.
 
     Attributes:
         sides: Facets as (cell, local facet), shape (n, 2).
-        volumes: ``int_F o.n`` [length^d], shape (n,).
         points: Points of a rule on the facets [length], shape (n, q, d).
         weights: Their weights times the areas of the facets [length^(d-1)], (n, q).
         heights: The heights there [length], shape (n, q).
@@ -270,7 +269,6 @@ class Slivers:
     """
 
     sides: np.ndarray
-    volumes: np.ndarray
     points: np.ndarray
     weights: np.ndarray
     heights: np.ndarray
@@ -304,7 +302,6 @@ def slivers(offset: fem.Function, sides: np.ndarray) -> Slivers:
     derivatives = _derivatives(nodal[..., None], points)[..., 0, :]
     return Slivers(
         sides=sides,
-        volumes=(of_points * heights).sum(axis=1),
         points=np.matmul(lagrange(d - 1, 1, points), ends),
         weights=of_points,
         heights=heights,
