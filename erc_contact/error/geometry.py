@@ -18,7 +18,8 @@ With the fields of the polygon the first term contains a part of the second, as 
 densities vary along facets as heights do. What kinks add to them has no mean on a
 facet, and is symmetric to its middle. So of the heights over each facet the nearest
 linear function is taken, which keeps what facets of different sizes, and at corners,
-leave of the first term.
+leave of the first term. With the means alone it has still less of the kinks, and less
+of the first term: how far both are apart tells how well it is known.
 
 Symbols: o offset from a facet to the true surface, n normal out of a cell, w energy
 density, f body force, p = - n.sigma n pressure on the surface, s components of a
@@ -157,15 +158,20 @@ class _Surface:
         return _OneSide(stress, energy, volume, load_work)
 
     def first_order(self) -> np.ndarray:
-        """Return ``int (w - f.u + div(p u)) o.n`` of each facet, shape (f,)."""
+        """Return ``int (w - f.u + div(p u)) o.n`` of each facet, shape (2, f).
+
+        Of the heights o.n it has the nearest linear functions, and the means.
+        """
         densities = []
         for side in (self._here, self._there):
             pressure = -self._normal_stress(side.stress)
             densities.append(side.energy - side.load_work + pressure * side.volume)
         here, there = densities
         density = here - np.where(self._inside[:, None], there, 0.0) + self._change_of_loads()
-        lifted = self._between.weights * self._between.linear
-        return self._share * (lifted * density).sum(axis=1)
+        weights, linear = self._between.weights, self._between.linear
+        means = (weights * linear).sum(axis=1, keepdims=True) / weights.sum(axis=1, keepdims=True)
+        lifted = weights * np.array([linear, np.broadcast_to(means, linear.shape)])
+        return np.asarray(self._share * (lifted * density).sum(axis=2))
 
     def _normal_stress(self, stress: np.ndarray) -> np.ndarray:
         """Return n.sigma n of tensors, shape (f, q)."""
@@ -244,7 +250,8 @@ def _shares(
 
     Args:
         comm: The ranks.
-        first: The first term of each facet of this rank [force length], shape (n,).
+        first: The first term of each facet of this rank, evaluated in two ways [force
+            length], shape (2, n).
         least: The least that kinks release.
         most: The most, not below zero.
         marks: Mark of the surface of each facet, shape (n,).
@@ -254,11 +261,15 @@ def _shares(
     """
     known = distinct_rows(comm, marks)
     surface = np.searchsorted(known, marks)
-    local = [np.bincount(surface, of, len(known)) for of in (first, abs(first), least, most)]
-    total, size, least_sums, most_sums = comm.allreduce(np.array(local), MPI.SUM)
-    ends = np.sort([total, MOST_OF_FIRST * total], axis=0)
-    change = max(float((ends[1] + most_sums).sum()), -float((ends[0] + least_sums).sum()))
-    of_first = np.divide(abs(total), size, out=np.zeros(len(known)), where=size > 0)
-    parts = abs(first) * of_first[surface] + most
-    whole = float((abs(total) + most_sums).sum())
-    return np.asarray(parts * (change / whole if whole > 0 else 0.0))
+    # How much the first term is for sharing it out; what cancels on a surface is none.
+    amounts = abs(first).sum(axis=0)
+    local = [np.bincount(surface, of, len(known)) for of in (*first, amounts, least, most)]
+    *sums, amount_sums, least_sums, most_sums = comm.allreduce(np.array(local), MPI.SUM)
+    likely = np.array([*sums, *(MOST_OF_FIRST * value for value in sums)])
+    high = float((likely.max(axis=0) + most_sums).sum())
+    low = float((likely.min(axis=0) + least_sums).sum())
+    size = abs(likely).max(axis=0)
+    of_amount = np.divide(size, amount_sums, out=np.zeros(len(known)), where=amount_sums > 0)
+    parts = amounts * of_amount[surface] + most
+    whole = float((size + most_sums).sum())
+    return np.asarray(parts * (max(high, -low) / whole if whole > 0 else 0.0))
