@@ -180,3 +180,19 @@ def test_a_pressure_on_all_sides_bends_nothing():
         shares.append(error.geometry_error**2 / error.scale**2)
     # What is left is the volume that facets do not keep.
     assert shares[1] < 5e-3 * shares[0]
+
+
+@pytest.mark.broad
+@pytest.mark.parametrize("hypothesis", ["plane strain", "axisymmetric"])
+def test_a_body_that_does_not_yield_has_the_estimate_of_an_elastic_body(hypothesis):
+    """Its energy density is its potential; of an elastic body it is half the work."""
+    held = [ec.Displacement("y", (None, 0.0))]
+    held += [ec.Displacement("x", (0.0, None))] * (hypothesis == "plane strain")
+    domain = quarter_ring(1.0, 2.0, 0.5)
+    load = ec.Traction("bore", pressure=PRESSURE)
+    elastic = ec.Elastic(E, NU, hypothesis=hypothesis)
+    plastic = ec.Plastic(E=E, nu=NU, yield_stress=1.0, hardening=0.1, hypothesis=hypothesis)
+    found = [certified(ec.Scene(law, held, load), domain) for law in (elastic, plastic)]
+    first, second = (error.geometry_error for error in found)
+    assert first > 0
+    assert second == pytest.approx(first, rel=1e-8)
