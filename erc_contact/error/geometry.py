@@ -51,9 +51,9 @@ with the fields of the true body is 1.2 to 1.8 times the first term of degree 2.
 LEAST_OF_KINKS = 0.6
 """Least that kinks may release, over what they release at most [-].
 
-At most is ``l = |o.n|/|grad(o.n)|`` of each facet, and nu = 0, by the interpolation of
-norms. It is .82 of that for a row of parabolas of equal length and nu = 0.3, and the
-first term has up to a quarter of it already.
+At most it is ``l |t|^2/E``, with the length ``l = |o.n|/|grad(o.n)|`` of each facet, by
+the interpolation of norms for nu = 0. A row of parabolas of equal length releases .82
+of that with nu = 0.3, and the first term has up to a quarter of it already.
 """
 
 
@@ -246,7 +246,7 @@ class _Surface:
 def _shares(
     comm: MPI.Comm, first: np.ndarray, least: np.ndarray, most: np.ndarray, marks: np.ndarray
 ) -> np.ndarray:
-    """Share the greatest change of the energy that is likely out to facets; collective.
+    """Share out to facets the greatest likely change of the energy; collective.
 
     Args:
         comm: The ranks.
@@ -261,7 +261,7 @@ def _shares(
     """
     known = distinct_rows(comm, marks)
     surface = np.searchsorted(known, marks)
-    # How much the first term is for sharing it out; what cancels on a surface is none.
+    # They share out the sums of a surface: what cancels on it is not shared out.
     amounts = abs(first).sum(axis=0)
     local = [np.bincount(surface, of, len(known)) for of in (*first, amounts, least, most)]
     *sums, amount_sums, least_sums, most_sums = comm.allreduce(np.array(local), MPI.SUM)
