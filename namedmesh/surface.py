@@ -34,6 +34,7 @@ from namedmesh.simplex import (
     measures,
     of_facets,
     outward_normals,
+    projection,
     rule,
 )
 from namedmesh.simplex import nodes as reference_nodes
@@ -251,26 +252,28 @@ def _held_back(
 
 @dataclass(frozen=True, eq=False)
 class Slivers:
-    """Hold moments of the height of the true surface over facets.
+    """Hold the height of the true surface over facets.
 
     The height is ``o.n``, with the offset o and the normal n out of a cell: it is
     positive where the facet cuts a sliver off.
 
     Attributes:
         sides: Facets as (cell, local facet), shape (n, 2).
-        volumes: ``int_F o.n`` [length^d], shape (n,).
         points: Points of a rule on the facets [length], shape (n, q, d).
         weights: Their weights times the areas of the facets [length^(d-1)], (n, q).
         heights: The heights there [length], shape (n, q).
+        linear: The linear functions nearest to the heights, there [length], (n, q).
+        slopes: Gradients of the heights along the facets, there [-], shape (n, q, d).
         depths: Greatest difference of two heights of nodes [length], shape (n,). On a
             circle of radius R it is ``h^2/(8 R)``.
     """
 
     sides: np.ndarray
-    volumes: np.ndarray
     points: np.ndarray
     weights: np.ndarray
     heights: np.ndarray
+    linear: np.ndarray
+    slopes: np.ndarray
     depths: np.ndarray
 
 
@@ -292,15 +295,39 @@ def slivers(offset: fem.Function, sides: np.ndarray) -> Slivers:
     nodes = W.dofmap.list[sides[:, :1], _facet_closures(W)[sides[:, 1]]]
     nodal = np.einsum("nmi,ni->nm", offset.x.array.reshape(-1, d)[nodes], normals)
     heights = nodal @ lagrange(d - 1, 2, points).T
+    nearest = lagrange(d - 1, 1, points) @ projection(d - 1, 1, points, weights)
     of_points = areas[:, None] * weights
+    # The gradients of the barycentric coordinates, but the first, are the rows.
+    gradients = np.linalg.pinv(ends[:, 1:] - ends[:, :1]).swapaxes(1, 2)
+    derivatives = _derivatives(nodal[..., None], points)[..., 0, :]
     return Slivers(
         sides=sides,
-        volumes=(of_points * heights).sum(axis=1),
         points=np.matmul(lagrange(d - 1, 1, points), ends),
         weights=of_points,
         heights=heights,
+        linear=heights @ nearest.T,
+        slopes=np.matmul(derivatives, gradients),
         depths=np.ptp(nodal, axis=1),
     )
+
+
+def _derivatives(nodal: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Return derivatives of polynomials of degree 2 on facets by reference coordinates.
+
+    Args:
+        nodal: Values at the nodes of the facets, shape (n, m, v).
+        points: Reference points, shape (q, d-1).
+
+    Returns:
+        Shape (n, q, v, d-1).
+    """
+    k = points.shape[1]
+    result = []
+    for step in np.eye(k) / 2:
+        # The difference over 1 is the derivative of a polynomial of degree 2.
+        slope = lagrange(k, 2, points + step) - lagrange(k, 2, points - step)
+        result.append(np.matmul(slope, nodal))
+    return np.stack(result, axis=-1)
 
 
 def area_ratio(offset: fem.Function, sides: np.ndarray) -> np.ndarray:
@@ -323,12 +350,7 @@ def area_ratio(offset: fem.Function, sides: np.ndarray) -> np.ndarray:
     at_nodes = lagrange(d - 1, 1, reference_nodes(d - 1, 2))
     surface = np.matmul(at_nodes, ends) + offset.x.array.reshape(-1, d)[nodes]
     points, weights = rule(d - 1, 4)
-    tangents = []
-    for step in np.eye(d - 1) / 2:
-        # The difference over 1 is the derivative of a polynomial of degree 2.
-        slope = lagrange(d - 1, 2, points + step) - lagrange(d - 1, 2, points - step)
-        tangents.append(np.matmul(slope, surface))
-    along = np.stack(tangents, axis=-1)
+    along = _derivatives(surface, points)
     gram = np.linalg.det(along.swapaxes(-1, -2) @ along)
     areas = measures(ends)
     ratio = np.sqrt(gram) @ weights / factorial(d - 1) / areas

@@ -365,7 +365,7 @@ def constitutive_error(admissible: Admissible) -> ConstitutiveError:
     unknown = strain_round_off(admissible)
     bulk_cells_2 = (np.sqrt(body.gap) + unknown) ** 2 + springs.gap
     # Springs are outside of the cells, so the estimate of the geometry is without them.
-    geometry_cells_2 = geometry_squares(admissible, body.of_sum)
+    geometry_cells_2 = geometry_squares(admissible)
     bulk_2 = comm.allreduce(bulk_cells_2.sum(), MPI.SUM)
     floor = UNKNOWN_SHARE * float(bulk_2)
     contacts = contact_law_error(model.space, admissible.displacement, admissible.tractions, floor)

@@ -3,9 +3,27 @@
 Facets keep the volume, see :mod:`namedmesh.volume`. So what they change of the energy
 is of a higher order than the height of the true surface over them.
 
+Where facets take the place of the true surface, o.n above them, the potential energy
+changes by
+
+    - int (w - f.u + div(p u)) o.n - 1/2 int t.u_t,
+
+with the fields of the true body. The first term has both signs, and facets that keep
+the volume leave little of it. The second term is what the kinks between facets release.
+The surface turns by its slope, so that a tension T along it, beyond the pressure on it,
+acts as a traction ``t = T grad(o.n)``. On a half plane a traction that varies with the
+wave length 2 pi l displaces the surface by ``u_t = 2 t l/E'``.
+
+With the fields of the polygon the first term contains a part of the second, as energy
+densities vary along facets as heights do. What kinks add to them has no mean on a
+facet, and is symmetric to its middle. So of the heights over each facet the nearest
+linear function is taken, which keeps what facets of different sizes, and at corners,
+leave of the first term. With the means alone it has still less of the kinks, and less
+of the first term: how far both are apart tells how well it is known.
+
 Symbols: o offset from a facet to the true surface, n normal out of a cell, w energy
-density, f body force, p = - n.sigma n pressure on the surface, h size of a facet, s
-components of a tensor, f facets, q points.
+density, f body force, p = - n.sigma n pressure on the surface, s components of a
+tensor, f facets, q points.
 """
 
 from __future__ import annotations
@@ -24,59 +42,39 @@ from namedmesh.base.ranks import distinct_rows
 from namedmesh.for_solvers import Slivers, sides_of_facets, slivers, tag_table
 from namedmesh.simplex import inverses
 
-FIRST_ORDER = 1.2
-"""Factor of the signed term, to err to the safe side [-]."""
-SECOND_ORDER = {2: 16.0, 3: 6.5}
-"""Factor of the energy that the kinks between facets release, by dimension [-].
+MOST_OF_FIRST = 1.7
+"""Most that the first term may be, over its value with the fields of a mesh [-].
 
-A surface whose height varies with the wave length h turns the normal by its slope o'.
-So a tension T along the surface, beyond the pressure on it, acts as a traction T o'.
-On a half plane its energy is ``4 pi T^2/(2 E') o^2/h`` for each area. Parabolas over
-facets have 1.11 times as much, ``12.7 T^2/(2 E) o^2/h`` with nu = 0.3. Triangles are
-longer than the root h of their area, and on tubes heights do not vary along the axis:
-there the factor is 4 to 6. The factors here are to err to the safe side.
+Meshes blur concentrations of stress. On coarse holes, fillets and balls the first term
+with the fields of the true body is 1.2 to 1.8 times the first term of degree 2.
 """
-OF_MEAN = 0.3
-"""Factor of the square of the mean height of a facet, over the factor of the rest [-].
+LEAST_OF_KINKS = 0.6
+"""Least that kinks may release, over what they release at most [-].
 
-A mean height is left at corners, and where a facet is alone on its surface. A single
-parabola of the length h has the energy ``4.8 T^2/(2 E') o^2/h``, of which the mean has
-.21 times what it would have in a wave.
+At most it is ``l |t|^2/E``, with the length ``l = |o.n|/|grad(o.n)|`` of each facet, by
+the interpolation of norms for nu = 0. A row of parabolas of equal length releases .82
+of that with nu = 0.3, and the first term has up to a quarter of it already.
 """
 
 
-def geometry_squares(admissible: Admissible, of_sum: np.ndarray) -> np.ndarray:
+def geometry_squares(admissible: Admissible) -> np.ndarray:
     """Compute the share of each owned cell in the square of the geometry error.
 
-    Where facets take the place of the true surface, o.n above them, the potential
-    energy changes by
-
-        - int (w - f.u + div(p u)) o.n - c int T^2/(2 E) (o.n)^2/h,
-
-    with the part T of the stress along the surface, less the pressure p there. The
-    first term has both signs, and facets that keep the volume leave little of it. It is
-    summed on each curve or surface of the drawing. The second term has one sign. Where
-    both signs meet on a surface, the greater term counts. Twice the sum is the square.
+    Both terms are summed on each curve or surface of the drawing, with their least and
+    their greatest value, and then over all of them: what cancels is no error. The
+    change that is farthest from zero counts. Twice the sum is the square.
 
     Args:
         admissible: The pair.
-        of_sum: ``|sigma^ + C eps(u^)|^2 = 4 |sigma_m|^2`` of each owned cell [force
-            length].
 
     Returns:
         Shape (cells,) [force length].
     """
     space = admissible.model.space
     domain = space.domain
-    result = np.zeros(len(of_sum))
+    result = np.zeros(domain.owned_cells)
     if domain.offset is None or domain.curved_facets is None:
         return result
-    energies = domain.function("DG", 0)
-    volumes = admissible.cell_geometry.volume[: len(of_sum)]
-    energies.x.array[: len(of_sum)] = of_sum / (8 * volumes)
-    # A facet between two ranks needs the energies of the other one.
-    energies.x.scatter_forward()
-
     sides = sides_of_facets(space.mesh, domain.curved_facets.indices)
     sides = sides[space.owned(sides)]
     # What is flat is left out: facets on the axis of rings are.
@@ -84,8 +82,7 @@ def geometry_squares(admissible: Admissible, of_sum: np.ndarray) -> np.ndarray:
     sides = sides[depths > ROUND_OFF * domain.extent]
     surface = _Surface(admissible, slivers(domain.offset, sides))
     marks = tag_table(domain.curved_facets)[surface.numbers]
-    first = surface.first_order(energies.x.array)
-    shares = _released(space.comm, first, surface.second_order(), marks)
+    shares = _shares(space.comm, surface.first_order(), *surface.of_kinks(), marks)
     np.add.at(result, sides[:, 0], 2 * shares)
     return result
 
@@ -96,11 +93,13 @@ class _OneSide:
 
     Attributes:
         stress: Tensors C eps(u^), times the weights of points, shape (f, q, s, s).
+        energy: Their energy density, times the weights, shape (f, q).
         volume: Trace of eps(u^) [-], shape (f, q).
         load_work: f.u^ there, shape (f, q).
     """
 
     stress: np.ndarray
+    energy: np.ndarray
     volume: np.ndarray
     load_work: np.ndarray
 
@@ -147,29 +146,32 @@ class _Surface:
         places = np.concatenate([1 - places.sum(axis=-1, keepdims=True), places], axis=-1)
         eps = strain.at(cell, places, x)
         basis = model.space.section.basis
-        stress = np.einsum("fqs,sij->fqij", model.constitution.stress(eps, x, cell), basis)
+        components = model.constitution.stress(eps, x, cell)
+        energy = model.constitution.energy(eps, components, x, cell)
+        stress = np.einsum("fqs,sij->fqij", components, basis)
         volume = eps @ np.trace(basis, axis1=1, axis2=2)
         load_work = np.zeros(volume.shape)
         if model.body_force is not None:
             force = model.space.everywhere(model.body_force)(x, cell)
             u = function_at(self._pair.displacement, x, cell).reshape(x.shape)
             load_work = (force * u).sum(axis=-1)
-        return _OneSide(stress, volume, load_work)
+        return _OneSide(stress, energy, volume, load_work)
 
-    def first_order(self, energies: np.ndarray) -> np.ndarray:
-        """Return ``c int (w - f.u + div(p u)) o.n`` of each facet, shape (f,).
+    def first_order(self) -> np.ndarray:
+        """Return ``int (w - f.u + div(p u)) o.n`` of each facet, shape (2, f).
 
-        Args:
-            energies: w of each cell, times the weights of points.
+        Of the heights o.n it has the nearest linear functions, and the means.
         """
         densities = []
-        for cell, side in zip(self._cells, (self._here, self._there), strict=True):
+        for side in (self._here, self._there):
             pressure = -self._normal_stress(side.stress)
-            densities.append(energies[cell][:, None] - side.load_work + pressure * side.volume)
+            densities.append(side.energy - side.load_work + pressure * side.volume)
         here, there = densities
         density = here - np.where(self._inside[:, None], there, 0.0) + self._change_of_loads()
-        lifted = self._between.weights * self._between.heights
-        return FIRST_ORDER * self._share * (lifted * density).sum(axis=1)
+        weights, linear = self._between.weights, self._between.linear
+        means = (weights * linear).sum(axis=1, keepdims=True) / weights.sum(axis=1, keepdims=True)
+        lifted = weights * np.array([linear, np.broadcast_to(means, linear.shape)])
+        return np.asarray(self._share * (lifted * density).sum(axis=2))
 
     def _normal_stress(self, stress: np.ndarray) -> np.ndarray:
         """Return n.sigma n of tensors, shape (f, q)."""
@@ -199,8 +201,8 @@ class _Surface:
             result[on] -= np.einsum("fqi,fi->fq", change, self._normals[on, : space.d])
         return result
 
-    def second_order(self) -> np.ndarray:
-        """Return ``c int T^2/(2 E) (o.n)^2/h`` of each facet, not below zero, (f,)."""
+    def of_kinks(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the least and the most that kinks of facets release, shape (f,)."""
         space = self._model.space
         section = space.section
         stress = self._here.stress - np.where(
@@ -212,22 +214,25 @@ class _Surface:
         along[:, space.d :] = 0.0
         pressed = self._normal_stress(stress)[..., None, None] * np.eye(n.shape[1])
         tension = along[:, None] @ (stress - pressed) @ along[:, None].swapaxes(-1, -2)
+        slopes = self._between.slopes
+        traction = section.over(tension, self._x)[..., : space.d] @ slopes[..., None]
+        squares = (traction**2).sum(axis=(2, 3))
         # Where the displacement is given, the stress across the facet counts, too.
         is_held = np.isin(self.numbers, self._held_facets())
-        tension = np.where(is_held[:, None, None, None], stress, tension)
-        squares = (section.over(tension, self._x) ** 2).sum(axis=(2, 3))
+        all_stress = (section.over(stress, self._x) ** 2).sum(axis=(2, 3))
+        steepness = (slopes**2).sum(axis=2)
+        squares = np.where(is_held[:, None], all_stress * steepness, squares)
 
         cell = self._between.sides[:, 0]
         middles = space.cell_corners()[cell].mean(axis=1)
         modulus = section.over(self._model.cell_modulus.x.array[cell], middles)
-        density = section.times(squares / (2 * modulus[:, None]), self._x)
-
-        areas = self._between.weights.sum(axis=1)
-        mean = (self._between.volumes / areas)[:, None]
-        heights = (self._between.heights - mean) ** 2 + OF_MEAN * mean**2
-        size = areas ** (1 / (space.d - 1))
-        energy = (self._between.weights * density * heights).sum(axis=1) / size
-        return np.asarray(SECOND_ORDER[space.d] * self._share * energy)
+        density = section.times(squares / modulus[:, None], self._x)
+        weights = self._between.weights
+        heights_2 = (weights * self._between.heights**2).sum(axis=1)
+        length = np.sqrt(heights_2 / (weights * steepness).sum(axis=1))
+        most = self._share * length * (weights * density).sum(axis=1)
+        # What holds a surface stores energy where a free surface releases it.
+        return np.where(is_held, -most, LEAST_OF_KINKS * most), most
 
     def _held_facets(self) -> np.ndarray:
         """Return the numbers of facets with supports or contacts."""
@@ -238,15 +243,17 @@ class _Surface:
         return np.concatenate([np.zeros(0, int), *map(model.space.facet_numbers, held)])
 
 
-def _released(
-    comm: MPI.Comm, first: np.ndarray, second: np.ndarray, marks: np.ndarray
+def _shares(
+    comm: MPI.Comm, first: np.ndarray, least: np.ndarray, most: np.ndarray, marks: np.ndarray
 ) -> np.ndarray:
-    """Return what facets change of the energy of each surface; collective.
+    """Share out to facets the greatest likely change of the energy; collective.
 
     Args:
         comm: The ranks.
-        first: The first term of each facet of this rank [force length], shape (n,).
-        second: The second term, not below zero.
+        first: The first term of each facet of this rank, evaluated in two ways [force
+            length], shape (2, n).
+        least: The least that kinks release.
+        most: The most, not below zero.
         marks: Mark of the surface of each facet, shape (n,).
 
     Returns:
@@ -254,11 +261,15 @@ def _released(
     """
     known = distinct_rows(comm, marks)
     surface = np.searchsorted(known, marks)
-    local = [np.bincount(surface, of, len(known)) for of in (first, abs(first), second)]
-    total, size, kinks = comm.allreduce(np.array(local), MPI.SUM)
-    # Where the first term has the other sign, the greater of both counts.
-    outweighs = -total > kinks
-    counted = np.where(outweighs, -total, np.maximum(total, 0.0))
-    of_first = np.divide(counted, size, out=np.zeros(len(known)), where=size > 0)
-    shares = abs(first) * of_first[surface]
-    return np.asarray(shares + np.where(outweighs[surface], 0.0, second))
+    # They share out the sums of a surface: what cancels on it is not shared out.
+    amounts = abs(first).sum(axis=0)
+    local = [np.bincount(surface, of, len(known)) for of in (*first, amounts, least, most)]
+    *sums, amount_sums, least_sums, most_sums = comm.allreduce(np.array(local), MPI.SUM)
+    likely = np.array([*sums, *(MOST_OF_FIRST * value for value in sums)])
+    high = float((likely.max(axis=0) + most_sums).sum())
+    low = float((likely.min(axis=0) + least_sums).sum())
+    size = abs(likely).max(axis=0)
+    of_amount = np.divide(size, amount_sums, out=np.zeros(len(known)), where=amount_sums > 0)
+    parts = amounts * of_amount[surface] + most
+    whole = float((size + most_sums).sum())
+    return np.asarray(parts * (max(high, -low) / whole if whole > 0 else 0.0))

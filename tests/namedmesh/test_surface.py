@@ -14,6 +14,7 @@ from mpi4py import MPI
 
 import namedmesh as nm
 from namedmesh.base.releases import cell_nodes
+from namedmesh.for_solvers import sides_of_facets, slivers
 from namedmesh.simplex import facet_vertices
 
 COMM = MPI.COMM_WORLD
@@ -98,6 +99,32 @@ def test_half_disc_has_its_area(measures):
     assert off[0] < 1e-4
     assert off[1] < off[0] / 10
     assert off[2] < off[1] / 10
+
+
+@pytest.mark.parametrize("body", ["half disc", "ball"])
+def test_heights_over_facets_are_polynomials(body, shared_tmp_path):
+    """Heights are quadratic: means of slopes are their differences.
+
+    What their linear parts leave has neither mean nor moments.
+    """
+    if body == "ball":
+        domain = from_script(BALL, shared_tmp_path, "ball")
+    else:
+        domain = nm.read_mesh(MESHES / "half_disc.geo", scripts=True)
+    sides = sides_of_facets(domain.mesh, domain.curved_facets.indices)
+    between = slivers(domain.offset, sides)
+    steps = between.points[:, 1:] - between.points[:, :-1]
+    slopes = 0.5 * (between.slopes[:, 1:] + between.slopes[:, :-1])
+    rises = np.diff(between.heights, axis=1)
+    size = abs(between.heights).max(initial=0.0)
+    assert abs((slopes * steps).sum(axis=2) - rises).max(initial=0.0) <= 1e-12 * size
+    left = between.weights * (between.heights - between.linear)
+    moments = np.einsum("fq,fqi->fi", left, between.points)
+    area = between.weights.sum(axis=1).max(initial=0.0)
+    assert abs(left.sum(axis=1)).max(initial=0.0) <= 1e-12 * size * area
+    assert abs(moments).max(initial=0.0) <= 1e-12 * size * area
+    # Both are needed: on most facets heights are far from linear.
+    assert not len(left) or abs(left).max() > 0.1 * size * area / left.shape[1]
 
 
 @pytest.mark.broad

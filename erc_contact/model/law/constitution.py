@@ -96,6 +96,13 @@ class Constitution:
         """Return the stress ``C eps`` of a change of the strain [force/area]."""
         return self.stiffness.times(strain, x, cells)
 
+    def energy(
+        self, strain: np.ndarray, stress: np.ndarray, x: np.ndarray, cells: np.ndarray
+    ) -> np.ndarray:
+        """Return the energy density of a strain and its stress [force/area], (n, q)."""
+        elastic = self._elastic(strain, x, cells)
+        return np.asarray(0.5 * np.einsum("...i,...i->...", stress, elastic))
+
     def squares(
         self, strain: np.ndarray, stress: np.ndarray, x: np.ndarray, cells: np.ndarray
     ) -> np.ndarray:

@@ -238,13 +238,17 @@ class Linearised:
         It is ``C (eps - eps_0)``, without the inverse of C.
         """
         about = self.strain_at(x, cells)
-        change = strain - about
-        if self.jumps is not None:
-            size = self.jumps.ufl_shape[0]
-            change[..., :size] += self._jumps_of(cells)
+        change = self.with_jumps(strain, cells) - about
         tangent = self._tangent_about(about, x, cells)
         of_change = np.matmul(tangent, change[..., None])[..., 0]
         return np.asarray(self.law.stress(about, x, cells) + of_change)
+
+    def with_jumps(self, strain: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """Return the strain E of strains eps (n, q, s): with the jumps of preloads."""
+        if self.jumps is None:
+            return strain
+        of_hoop = strain.shape[2] - self.jumps.ufl_shape[0]
+        return np.asarray(strain + np.pad(self._jumps_of(cells), [(0, 0), (0, 0), (0, of_hoop)]))
 
     def _tangent_about(self, strain: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Return C about strains [force/area], shape (n, q, s, s)."""
@@ -320,6 +324,14 @@ class ConvexConstitution(Constitution):
     def stress(self, strain: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Return the stress of a strain, see :meth:`.Constitution.stress`."""
         return self.stiffness.section.times(self._linearised.stress_at(strain, x, cells), x)
+
+    def energy(
+        self, strain: np.ndarray, stress: np.ndarray, x: np.ndarray, cells: np.ndarray
+    ) -> np.ndarray:
+        """Return the potential of a strain, see :meth:`.Constitution.energy`."""
+        strain = self._linearised.with_jumps(strain, cells)
+        psi = self._linearised.law.energy(strain, x, cells)
+        return self.stiffness.section.times(psi, x)
 
     def fenchel(
         self,
