@@ -54,7 +54,7 @@ def imported(path: Path) -> Iterator[str]:
 
 @cache
 def imports() -> dict[str, set[str]]:
-    """Return the modules that each module imports; all of them are read, which takes seconds."""
+    """Return what each module imports; all modules are read, which takes seconds."""
     return {module: set(imported(path)) - {module} for module, path in MODULES.items()}
 
 

@@ -16,11 +16,23 @@ from erc_contact.admissible.traction import ContactTraction
 AUGMENTED = ec.AugmentedLagrangian()
 
 
-def mostly_serial(cases: Iterable, on_ranks: Sequence) -> list:
-    """Parameters of a test: all of them in serial, some also on several ranks."""
+def mostly_serial(cases: Iterable, on_ranks: Sequence, broad: Sequence = ()) -> list:
+    """Parameters of a test: all of them in serial, some also on several ranks.
+
+    Some are left to the broad suite.
+    """
+    marks = {"serial": lambda case: case not in on_ranks, "broad": lambda case: case in broad}
     return [
-        case if case in on_ranks else pytest.param(case, marks=pytest.mark.serial) for case in cases
+        pytest.param(
+            case, marks=[getattr(pytest.mark, name) for name in marks if marks[name](case)]
+        )
+        for case in cases
     ]
+
+
+def partly_broad(cases: Iterable, broad: Sequence) -> list:
+    """Parameters of a test, some of them left to the broad suite."""
+    return mostly_serial(cases, cases, broad)
 
 
 def certified(

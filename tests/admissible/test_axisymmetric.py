@@ -164,6 +164,7 @@ def test_springs_and_foundations():
         assert energy == pytest.approx(-0.5 * np.pi * (1 / stiffness + 1 / E), rel=1e-9)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_a_table_may_begin_at_the_axis():
     """The gap of a table of two points is a line; its first kink is on the axis."""
@@ -344,6 +345,7 @@ def test_runs_reach_their_accuracy(strategy):
     assert energy.low <= 79.38378369 <= energy.high
 
 
+@pytest.mark.broad
 def test_press_fit_of_two_tubes():
     """Lame: 1 to 2 in 2 to 3, interference 0.01, strain plane along z."""
     inner = ec.rectangle((1.0, 0.0), (3.0, 1.0), cells=(8, 4))

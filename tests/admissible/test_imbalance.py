@@ -20,7 +20,7 @@ import pytest
 from attack_pairs import outcome
 from mpi4py import MPI
 from pair_evaluation import UNBALANCED
-from scenes import block, certified, prototype_block, random_scene
+from scenes import block, certified, partly_broad, prototype_block, random_scene
 
 import erc_contact as ec
 from erc_contact.admissible import bulk, contact, equilibrate, imbalance, reconstruction
@@ -206,7 +206,10 @@ def test_pressures_that_oscillate_are_balanced_for_what_is_left(solver):
     assert ec.equilibrate(ec.solve(scene, body, solver=solver)).imbalance < ROUND_OFF
 
 
-@pytest.mark.parametrize("moved", [(0.0, 0.0), (0.0, -0.25), (0.1, -0.25), (1e3, 1e3)])
+@pytest.mark.parametrize(
+    "moved",
+    partly_broad([(0.0, 0.0), (0.0, -0.25), (0.1, -0.25), (1e3, 1e3)], [(0.0, 0.0), (0.0, -0.25)]),
+)
 def test_displacements_without_strain(moved):
     """Nothing but the loads tells the size of the stress."""
     domain = ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(6, 3))

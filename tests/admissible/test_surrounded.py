@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import ufl
 from mpi4py import MPI
-from scenes import AUGMENTED, certified
+from scenes import AUGMENTED, certified, partly_broad
 
 import erc_contact as ec
 from erc_contact.admissible.across import FITS
@@ -46,7 +46,11 @@ def cell_of(cells, given="mean_strain", material=VARYING, repeats=1, comm=COMM):
     return ec.Scene(material, sides), domain
 
 
-@pytest.mark.parametrize("cells", [(1, 1), (2, 1), (3, 3), (1, 1, 1), (2, 2, 1)], ids=str)
+@pytest.mark.parametrize(
+    "cells",
+    partly_broad([(1, 1), (2, 1), (3, 3), (1, 1, 1), (2, 2, 1)], [(2, 1), (3, 3), (1, 1, 1)]),
+    ids=str,
+)
 def test_no_cell_is_at_a_side(cells):
     solution = ec.solve(*cell_of(cells, material=ec.Elastic(1.0, 0.3)), AUGMENTED)
     own = cell_geometry(solution.model.space)
@@ -88,7 +92,8 @@ def test_matrices_turn_as_tensors_do(d):
 
 
 @pytest.mark.parametrize(
-    ("cells", "degree", "given"), [((1, 1), 1, "mean_strain"), ((3, 2), 2, "mean_stress")]
+    ("cells", "degree", "given"),
+    [((1, 1), 1, "mean_strain"), pytest.param((3, 2), 2, "mean_stress", marks=pytest.mark.broad)],
 )
 def test_one_cell_is_as_good_as_two(cells, degree, given):
     """The tractions of sigma^ on the sides are chosen as all others are."""

@@ -190,6 +190,7 @@ def test_a_strip_that_nothing_holds():
     assert history.bounds.low < OF_TABLES < history.bounds.high
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_what_integrals_leave_unknown_is_no_motion():
     """A load in balance that jumps inside cells, whose integral is known to 1e-4."""

@@ -86,7 +86,7 @@ def block_of(d, n=2):
 
 @pytest.mark.on_ranks("2-1", "3-2")
 @pytest.mark.parametrize("degree", [1, 2])
-@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("d", [2, pytest.param(3, marks=pytest.mark.broad)])
 def test_strains_are_told_as_they_are(d, degree):
     """Uniform strain 0.6 of all of the body, without rotation; from 1 on it is refused."""
     distortion = ec.solve(squeezed(0.6, d), block_of(d), degree=degree).distortion

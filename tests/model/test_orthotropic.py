@@ -75,6 +75,7 @@ def test_a_bar_that_is_pulled_at_an_angle_to_its_fibres(hypothesis):
     assert strain == pytest.approx(pull * slope, rel=1e-5)
 
 
+@pytest.mark.broad
 def test_equal_axes_beside_an_elastic_region():
     """An elastic slab, of which one layer is declared as orthotropic, or both are elastic."""
     layers = {"low": ec.where(y=(None, 0.5)), "high": ec.where(y=(0.5, None))}

@@ -9,7 +9,7 @@
 import numpy as np
 import pytest
 from mpi4py import MPI
-from scenes import certified
+from scenes import certified, partly_broad
 
 import erc_contact as ec
 from erc_contact.model.promises import bind
@@ -138,7 +138,9 @@ def test_no_forces_of_contacts_have_no_motion():
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("method", METHODS, ids=["nitsche", "lagrangian"])
+@pytest.mark.parametrize(
+    "method", partly_broad(METHODS, METHODS[:1]), ids=["nitsche", "lagrangian"]
+)
 def test_a_history_goes_on_from_a_fallen_body(method):
     """Friction counts the slip since the body was carried, not the way of the fall."""
     block = ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(4, 2))

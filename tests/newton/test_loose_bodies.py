@@ -216,7 +216,7 @@ def test_resultants_of_round_off_are_seen():
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("solver", ["direct", "iterative"])
+@pytest.mark.parametrize("solver", ["direct", pytest.param("iterative", marks=pytest.mark.broad)])
 def test_springs_that_pull_for_ever_are_given_up(solver):
     """The block slides away; springs are softened once to the end."""
     kind = Direct if solver == "direct" else Iterative
@@ -295,6 +295,7 @@ def test_rungs_on_ranks(rung, monkeypatch):
         assert found == pytest.approx(wanted, abs=1e-7 * abs(wanted).max())
 
 
+@pytest.mark.broad
 def test_multigrid_tells_round_off_of_a_stiff_body():
     """No other attempt finds digits that a body stiffer by 1e9 has lost."""
     upper = ec.rectangle((0.0, 1.0), (1.0, 2.0), cells=(3, 3))

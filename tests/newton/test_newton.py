@@ -340,7 +340,11 @@ def with_friction(friction) -> ec.Scene:
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("method", [ec.Nitsche(), ec.AugmentedLagrangian()], ids=str)
+@pytest.mark.parametrize(
+    "method",
+    [pytest.param(ec.Nitsche(), marks=pytest.mark.broad), ec.AugmentedLagrangian()],
+    ids=str,
+)
 def test_law_of_the_user(method):
     """Between Coulomb (a high limit) and Tresca (high friction).
 
@@ -367,6 +371,7 @@ def test_law_of_the_user(method):
     assert errors[1] < 0.75 * errors[0]
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_normal_from_the_gap():
     """A tilted plane given by its distance is the plane given by its normal.

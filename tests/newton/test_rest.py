@@ -202,7 +202,7 @@ def test_released_curved_body_makes_no_meshes():
 
 
 @pytest.mark.on_ranks("2")
-@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("d", [2, pytest.param(3, marks=pytest.mark.broad)])
 def test_what_is_no_rest(d):
     zero = (0.0,) * (d - 1)
     held, pressed = ec.Displacement("top", (0.0, *zero)), ec.Displacement("top", (*zero, -1e-9))
@@ -271,7 +271,9 @@ def test_a_body_back_at_rest_has_no_stress(kind, units, degree, method):
 
 
 @pytest.mark.on_ranks("strategy0")
-@pytest.mark.parametrize("strategy", [ec.SizeMap(), ec.Mark()])
+@pytest.mark.parametrize(
+    "strategy", [ec.SizeMap(), pytest.param(ec.Mark(), marks=pytest.mark.broad)]
+)
 def test_a_body_back_at_rest_keeps_the_mesh_of_its_load(strategy):
     """The step to rest begins with a slip that the refined or new mesh has taken over."""
     scene_at = back_to_rest("pressed", 1.0, 1.0)

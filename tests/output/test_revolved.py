@@ -52,7 +52,7 @@ def test_pictures_of_the_half_plane(degree):
         assert curve.get_ydata() == pytest.approx(10.0 * SQUASHED / 2)
 
 
-@pytest.mark.parametrize("draw", [draw_error, draw_deformed])
+@pytest.mark.parametrize("draw", [draw_error, pytest.param(draw_deformed, marks=pytest.mark.broad)])
 def test_mirrored_pictures(draw):
     error = squashed_tube("axisymmetric", 2)
     half, whole = draw(error), draw(error, mirrored=True)

@@ -107,7 +107,7 @@ def test_a_strip_has_two_ends_that_mirror_each_other():
     assert np.isclose(area.half_width.margin, strip.margins.mean())
 
 
-@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("d", [2, pytest.param(3, marks=pytest.mark.broad)])
 def test_a_contact_that_is_closed_has_the_area_of_its_part(d):
     push = (0.002,) + (None,) * (d - 2) + (-0.01,)
     for bilateral in (False, True):
