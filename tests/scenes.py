@@ -30,11 +30,6 @@ def mostly_serial(cases: Iterable, on_ranks: Sequence, broad: Sequence = ()) -> 
     ]
 
 
-def partly_broad(cases: Iterable, broad: Sequence) -> list:
-    """Parameters of a test, some of them left to the broad suite."""
-    return mostly_serial(cases, cases, broad)
-
-
 def certified(
     scene: ec.Scene,
     domain: ec.Domain,

@@ -18,9 +18,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from attack_pairs import outcome
+from domains import partly_broad
 from mpi4py import MPI
 from pair_evaluation import UNBALANCED
-from scenes import block, certified, partly_broad, prototype_block, random_scene
+from scenes import block, certified, prototype_block, random_scene
 
 import erc_contact as ec
 from erc_contact.admissible import bulk, contact, equilibrate, imbalance, reconstruction

@@ -10,8 +10,9 @@ nothing, also where the body yields. Sectors: tests/model/test_periodic.py.
 import numpy as np
 import pytest
 import ufl
+from domains import partly_broad
 from mpi4py import MPI
-from scenes import AUGMENTED, certified, partly_broad
+from scenes import AUGMENTED, certified
 
 import erc_contact as ec
 from erc_contact.admissible.across import FITS

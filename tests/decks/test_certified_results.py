@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from calculix_boxes import two_boxes
-from scenes import partly_broad
+from domains import partly_broad
 
 import erc_contact as ec
 from erc_contact.__main__ import main

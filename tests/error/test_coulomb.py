@@ -15,13 +15,13 @@
 
 import numpy as np
 import pytest
+from domains import partly_broad
 from mpi4py import MPI
 from reference import nested, true_errors
 from scenes import (
     certified,
     greco,
     measured,
-    partly_broad,
     patch_test,
     pressed,
     prototype_block,

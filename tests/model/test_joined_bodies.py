@@ -7,9 +7,9 @@ import file_collection as files
 import numpy as np
 import pytest
 from dolfinx import mesh as dmesh
-from domains import COMM
+from domains import COMM, partly_broad
 from mpi4py import MPI
-from scenes import certified, partly_broad
+from scenes import certified
 from test_domain import assert_closed, close, plate
 from test_draped import SIDES, joined
 from test_drawings import block_on_base, middle, write

@@ -133,7 +133,7 @@ def test_rings_are_free_along_their_axis(degree):
 @pytest.mark.on_ranks("2-1-N-direct", "2-2-A-iterative", "3-1-A-iterative")
 @pytest.mark.parametrize("solver", ["direct", "iterative"])
 @pytest.mark.parametrize("method", [ec.Nitsche(), ec.AugmentedLagrangian()], ids=["N", "A"])
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [1, pytest.param(2, marks=pytest.mark.broad)])
 @pytest.mark.parametrize("d", [2, 3])
 def test_two_bodies_pressed_on_each_other(d, degree, method, solver):
     """Without friction all stress is uniform; they may slide along each other, too."""
@@ -183,7 +183,7 @@ def elsewhere(unheld: Unheld, space, fixed, contacts) -> np.ndarray:
 @pytest.mark.pairs
 @pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
-@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("d", [2, pytest.param(3, marks=pytest.mark.broad)])
 @pytest.mark.parametrize("kind", ["bar", "pair", "block on a plane"])
 def test_any_minimal_supports_give_the_same(kind, d, degree, monkeypatch):
     """u, stresses, energy, forces and e are the same to 1e-9, wherever nodes are held."""

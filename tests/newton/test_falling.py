@@ -8,8 +8,9 @@
 
 import numpy as np
 import pytest
+from domains import partly_broad
 from mpi4py import MPI
-from scenes import certified, partly_broad
+from scenes import certified
 
 import erc_contact as ec
 from erc_contact.model.promises import bind

@@ -14,6 +14,7 @@ import pytest
 import ufl
 from bricks import NAMES, bricks
 from dolfinx.fem.petsc import assemble_matrix
+from domains import partly_broad
 from mpi4py import MPI
 from petsc4py import PETSc
 from scenes import (
@@ -23,7 +24,6 @@ from scenes import (
     mostly_serial,
     moved_box,
     opening,
-    partly_broad,
     random_scene,
 )
 from test_newton import Saturating, triangle

@@ -418,11 +418,17 @@ class Wrong(Quadratic):
     ("material", "words"),
     [
         (Wrong(lambda psi, eps: psi + 0.01 * eps[0, 0]), "not zero without strain"),
-        (Wrong(lambda psi, eps: psi + 0.01), "not zero without strain"),
+        pytest.param(
+            Wrong(lambda psi, eps: psi + 0.01), "not zero without strain", marks=pytest.mark.broad
+        ),
         (Wrong(lambda psi, eps: psi - 5 * eps[0, 1] ** 2), "not convex"),
         (Wrong(lambda psi, eps: psi**0.5), "not finite"),
         (Wrong(lambda psi, s: 1.01 * psi, "conjugate"), "does not belong to the potential"),
-        (Wrong(lambda psi, s: 0.99 * psi, "conjugate"), "does not belong to the potential"),
+        pytest.param(
+            Wrong(lambda psi, s: 0.99 * psi, "conjugate"),
+            "does not belong to the potential",
+            marks=pytest.mark.broad,
+        ),
         (Wrong(lambda psi, s: s, "conjugate"), "no scalar"),
     ],
 )

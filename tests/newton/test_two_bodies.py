@@ -13,10 +13,10 @@ from itertools import product
 import numpy as np
 import pytest
 from bricks import NAMES, bricks, glued, lower_brick, small_bricks
-from domains import refused
+from domains import partly_broad, refused
 from mpi4py import MPI
 from reference import _barycentric, _sigma
-from scenes import certified, partly_broad
+from scenes import certified
 
 import erc_contact as ec
 from erc_contact.admissible.pair import Admissible

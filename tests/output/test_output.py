@@ -24,9 +24,10 @@ import h5py
 import numpy as np
 import pytest
 import ufl
+from domains import partly_broad
 from mpi4py import MPI
 from processes import ROOT
-from scenes import block, measured, mostly_serial, partly_broad, patch_test, random_scene, resultant
+from scenes import block, measured, mostly_serial, patch_test, random_scene, resultant
 
 import erc_contact as ec
 from erc_contact import output, results

@@ -225,7 +225,9 @@ def test_bodies_behind_move_along(drawn):
 
 
 @pytest.mark.on_ranks("2-2", "3-1")
-@pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), (3, 1)])
+@pytest.mark.parametrize(
+    ("d", "degree"), [(2, 1), (2, 2), pytest.param(3, 1, marks=pytest.mark.broad)]
+)
 def test_profile_has_both_sides(d, degree):
     error = error_of(tilted_pair(d, gap=GAPS["parabola"]), d, degree)
     for result in (error, error.solution):

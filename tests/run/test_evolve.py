@@ -67,7 +67,9 @@ def whole():
 
 
 @pytest.mark.on_ranks("strategy0")
-@pytest.mark.parametrize("strategy", [ec.Mark(), ec.SizeMap()])
+@pytest.mark.parametrize(
+    "strategy", [ec.Mark(), pytest.param(ec.SizeMap(), marks=pytest.mark.broad)]
+)
 def test_a_curved_body_from_rest(strategy):
     """At rest every error is 100% on every mesh: there is nothing to refine for."""
 
