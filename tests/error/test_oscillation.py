@@ -343,7 +343,7 @@ def test_rank_independence(degree):
 # -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("what", ["moduli", "gap"])
+@pytest.mark.parametrize("what", ["moduli", pytest.param("gap", marks=pytest.mark.broad)])
 def test_what_searches_leave_unknown_is_in_the_error(what):
     """A mesh searches rough data at so many points; more of them change e downwards alone."""
     scene = pressed_along(given(one=1.0, sin=0.5, often=60.0))

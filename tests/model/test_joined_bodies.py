@@ -45,7 +45,7 @@ def brick(d, half, heights, cells, comm=COMM, **names):
 
 PATCHES = [
     *product(("slip",), (1.0,), (2,), (1, 2)),
-    *product(("slip",), (1.0,), (3,), (1,)),
+    pytest.param("slip", 1.0, 3, 1, marks=pytest.mark.broad),
     *product(("stick",), (1.0,), (2, 3), (1,)),
     *product(("slip",), (WIDER,), (2, 3), (1,)),
 ]

@@ -213,7 +213,7 @@ def closed_ring(cells):
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [1, pytest.param(2, marks=pytest.mark.broad)])
 def test_a_sector_is_the_whole_disc(degree):
     loads = [ec.Traction("inner", pressure=0.01), ec.BodyForce((radial, around))]
     scene = ec.Scene(ec.Elastic(1.0, 0.3), loads=loads, contacts=CONTACT)

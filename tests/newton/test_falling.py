@@ -34,7 +34,7 @@ def plate(gap, friction=0.3, method=None, solver="auto", comm=None):
     return ec.solve(scene, body, method, solver=solver)
 
 
-@pytest.mark.parametrize("solver", ["direct", "iterative"])
+@pytest.mark.parametrize("solver", ["direct", pytest.param("iterative", marks=pytest.mark.broad)])
 @pytest.mark.parametrize("method", METHODS, ids=["nitsche", "lagrangian"])
 def test_a_clearance_changes_nothing(method, solver):
     """The plate falls by 5e6 times what it is compressed."""
@@ -181,7 +181,7 @@ def test_bodies_fall_on_ranks(solver):
     )
 
 
-@pytest.mark.parametrize("ratio", [1e10, 1e12])
+@pytest.mark.parametrize("ratio", [1e10, pytest.param(1e12, marks=pytest.mark.broad)])
 def test_a_stiff_body_sinks_into_a_soft_one(ratio):
     """The round-off of its stiffness on its free motion is no force."""
     upper = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4))

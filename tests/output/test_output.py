@@ -447,7 +447,7 @@ def test_name_of_a_contact_with_a_slash(shared_tmp_path):
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [1, pytest.param(2, marks=pytest.mark.broad)])
 def test_files_are_small(degree, shared_tmp_path):
     for cells in ((4, 2), (32, 16)):
         error = measured(
@@ -468,7 +468,7 @@ def test_file_that_cannot_be_written(error, shared_tmp_path):
 
 @pytest.mark.on_ranks("1-half disc", "2-block")
 @pytest.mark.parametrize("body", ["block", "half disc"])
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [1, pytest.param(2, marks=pytest.mark.broad)])
 def test_area_under_the_pressure_is_the_force(degree, body, shared_tmp_path, seen):
     scene, domain = punch(2)
     if body == "half disc":
@@ -547,7 +547,7 @@ def test_area_under_the_pressure_of_any_contact(shape):
 
 
 @pytest.mark.on_ranks("2")
-@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("d", [2, pytest.param(3, marks=pytest.mark.broad)])
 def test_curved_edges_are_drawn(d, shared_tmp_path, seen):
     """Pure bending is quadratic.
 
@@ -599,7 +599,7 @@ GAPS = {"none": 0.0, "constant": 0.02, "linear": lambda x: 0.01 * x[0]}
 
 
 @pytest.mark.on_ranks("linear")
-@pytest.mark.parametrize("gap", GAPS)
+@pytest.mark.parametrize("gap", partly_broad(GAPS, list(GAPS)[1:-1]))
 def test_flat_foundation_is_met_where_the_contact_is_closed(gap, shared_tmp_path, seen):
     """Its gap is not magnified.
 
@@ -637,7 +637,7 @@ def test_flat_foundation_is_met_where_the_contact_is_closed(gap, shared_tmp_path
         assert len(orange) == 1
 
 
-@pytest.mark.parametrize("factor", [None, 9.0])
+@pytest.mark.parametrize("factor", [None, pytest.param(9.0, marks=pytest.mark.broad)])
 def test_curved_foundation_is_drawn_as_it_is(factor, shared_tmp_path, seen):
     """Not magnified.
 
@@ -892,7 +892,9 @@ def test_slope_takes_three_meshes_and_a_factor_of_four(dofs, shared_tmp_path, se
 
 
 @pytest.mark.on_ranks("3-meshes")
-@pytest.mark.parametrize("what", ["deformed", "error", "meshes"])
+@pytest.mark.parametrize(
+    "what", [pytest.param("deformed", marks=pytest.mark.broad), "error", "meshes"]
+)
 def test_words_in_space_are_legible_on_a_page(what, error, shared_tmp_path, seen):
     """On a page of 6.5 inches no word is smaller than 6 points."""
     if error.domain.dim == 2:

@@ -66,7 +66,10 @@ def test_the_end_of_a_smooth_contact_lies_inside_a_facet(degree):
 
 
 @pytest.mark.on_ranks("plane-2")
-@pytest.mark.parametrize(("kind", "degree"), [("plane", 1), ("plane", 2), ("rings", 1)])
+@pytest.mark.parametrize(
+    ("kind", "degree"),
+    [pytest.param("plane", 1, marks=pytest.mark.broad), ("plane", 2), ("rings", 1)],
+)
 def test_a_coarse_mesh_finds_the_end_of_a_fine_one(kind, degree):
     coarse, fine = (on_parabola(kind, cells, degree) for cells in (6, 24))
     for result in (coarse, coarse.solution):
