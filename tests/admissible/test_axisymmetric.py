@@ -377,7 +377,7 @@ def test_a_run_goes_on_from_its_folder(shared_tmp_path):
 
 
 @pytest.mark.ranks
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [pytest.param(1, marks=pytest.mark.broad), 2])
 def test_ranks_agree(degree):
     """A scene with springs, loads of all kinds and a gap, on any number of ranks."""
 

@@ -114,7 +114,7 @@ def test_one_cell_is_as_good_as_two(cells, degree, given):
 
 
 @pytest.mark.ranks
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [pytest.param(1, marks=pytest.mark.broad), 2])
 def test_ranks_see_the_same_copies(degree):
     """A corner of four copies whose cells are on different ranks."""
     yields = ec.Plastic(modulus, 0.3, yield_stress=0.008, hardening=0.1)

@@ -207,7 +207,7 @@ def test_what_integrals_leave_unknown_is_no_motion():
 
 
 @pytest.mark.ranks
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [pytest.param(1, marks=pytest.mark.broad), 2])
 def test_ranks_agree(degree):
     crack = ec.Contact("upper lip", against="lower lip")
     scene = pulled(contacts=(crack,))

@@ -508,7 +508,7 @@ def test_bounds_of_the_energy_hold(seed):
 
 
 @pytest.mark.ranks
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [pytest.param(1, marks=pytest.mark.broad), 2])
 def test_ranks_change_nothing(degree):
     numbers = []
     for comm in (MPI.COMM_SELF, COMM):

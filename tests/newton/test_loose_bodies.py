@@ -295,7 +295,6 @@ def test_rungs_on_ranks(rung, monkeypatch):
         assert found == pytest.approx(wanted, abs=1e-7 * abs(wanted).max())
 
 
-@pytest.mark.broad
 def test_multigrid_tells_round_off_of_a_stiff_body():
     """No other attempt finds digits that a body stiffer by 1e9 has lost."""
     upper = ec.rectangle((0.0, 1.0), (1.0, 2.0), cells=(3, 3))

@@ -339,7 +339,7 @@ def test_an_elastic_region_is_a_law_with_no_yield(plastic_first):
 
 @pytest.mark.ranks
 @pytest.mark.parametrize("method", [ec.Nitsche(), ec.AugmentedLagrangian()])
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [pytest.param(1, marks=pytest.mark.broad), 2])
 def test_ranks(degree, method):
     alone, together = (history(comm, degree, method) for comm in (MPI.COMM_SELF, COMM))
     for a, b in zip(alone.steps, together.steps, strict=True):
@@ -350,7 +350,7 @@ def test_ranks(degree, method):
 
 
 @pytest.mark.ranks
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [pytest.param(1, marks=pytest.mark.broad), 2])
 def test_ranks_without_cells(degree):
     """Two cells on any number of ranks: some ranks have nothing to integrate."""
     eps = []
