@@ -38,6 +38,7 @@ def compliance_of_constants():
     return S
 
 
+@pytest.mark.serial
 def test_the_metric_is_the_turned_compliance():
     Q, _ = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))
     law = ec.OrthotropicElastic(E, NU, G, axes=Q)

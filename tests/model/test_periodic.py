@@ -455,6 +455,7 @@ def wavy(ratio, *, moved=0.0, friction=0.0, cells=(8, 12), comm=COMM):
     return scene, ec.rectangle((0.0, 0.0), (1.0, 1.5), cells=cells, comm=comm)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     "moved", [0.0, pytest.param(0.5, marks=pytest.mark.broad)], ids=["middle", "sides"]
 )
