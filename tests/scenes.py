@@ -21,13 +21,14 @@ def mostly_serial(cases: Iterable, on_ranks: Sequence, broad: Sequence = ()) -> 
 
     Some are left to the broad suite.
     """
-    marks = {"serial": lambda case: case not in on_ranks, "broad": lambda case: case in broad}
-    return [
-        pytest.param(
-            case, marks=[getattr(pytest.mark, name) for name in marks if marks[name](case)]
-        )
-        for case in cases
-    ]
+
+    def marked(case: object) -> object:
+        marks = [] if case in on_ranks else [pytest.mark.serial]
+        if case in broad:
+            marks.append(pytest.mark.broad)
+        return pytest.param(case, marks=marks)
+
+    return [marked(case) for case in cases]
 
 
 def certified(
