@@ -2,6 +2,7 @@
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
@@ -51,7 +52,10 @@ def imported(path: Path) -> Iterator[str]:
             yield from (name for name in names if name.split(".")[0] in PACKAGES)
 
 
-IMPORTS = {module: set(imported(path)) - {module} for module, path in MODULES.items()}
+@cache
+def imports() -> dict[str, set[str]]:
+    """Return what each module imports; all modules are read, which takes seconds."""
+    return {module: set(imported(path)) - {module} for module, path in MODULES.items()}
 
 
 def stage(module: str) -> str:

@@ -19,7 +19,7 @@ from functools import cache
 from textwrap import fill
 from types import CodeType
 
-from import_graph import IMPORTS, MODULES, ORDER, stage
+from import_graph import MODULES, ORDER, imports, stage
 
 import erc_contact as ec
 
@@ -241,7 +241,7 @@ def in_reading_order(modules: Iterable[str]) -> list[str]:
     def visit(module: str) -> None:
         """Put a module after what it imports."""
         if module not in order:
-            for below in sorted(IMPORTS[module], key=place):
+            for below in sorted(imports()[module], key=place):
                 visit(below)
             order[module] = len(order)
 
@@ -298,7 +298,7 @@ def table_of_feature(parts: dict[str, float], way: list[str]) -> Iterator[str]:
     yield "| + module | lines | asked for in | subject |"
     yield "|---|---|---|---|"
     for module in chosen(parts, ADDED):
-        importers = [other for other in way if module in IMPORTS[other]]
+        importers = [other for other in way if module in imports()[other]]
         asked = "more of it" if module in way else ", ".join(map(short, importers))
         yield f"| {short(module)} | {lines([module])} | {asked} | {first_sentence(module)} |"
     some = [module for module in chosen(parts, SOME) if parts[module] < ADDED]

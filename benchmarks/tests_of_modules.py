@@ -16,7 +16,7 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
-from import_graph import IMPORTS, MODULES, ROOT
+from import_graph import MODULES, ROOT, imports
 
 ALIASES = {"ec": "erc_contact", "nm": "namedmesh"}
 """Names by which tests call the packages."""
@@ -89,7 +89,7 @@ def reaching(module: str) -> dict[str, list[Path]]:
         if found:
             return found
         seen |= level
-        level = {other for other in MODULES if IMPORTS[other] & level} - seen
+        level = {other for other in MODULES if imports()[other] & level} - seen
     return {}
 
 

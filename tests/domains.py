@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+
 import numpy as np
+import pytest
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
@@ -23,6 +26,13 @@ def refused(call, *words, error=nm.InputError):
     assert isinstance(got, error), f"{got!r}"
     missing = [word for word in words if word not in str(got)]
     assert not missing, f"{missing} not in: {got}"
+
+
+def partly_broad(cases: Iterable, broad: Sequence) -> list:
+    """Parameters of a test, some of them left to the broad suite."""
+    return [
+        pytest.param(case, marks=pytest.mark.broad) if case in broad else case for case in cases
+    ]
 
 
 def two_materials(extent: np.ndarray, size: float, comm: MPI.Comm) -> nm.Domain:

@@ -7,14 +7,16 @@ DOLFINx and FFCx as they are.
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache, singledispatchmethod
 from pathlib import Path
 from typing import Any
 
 import basix.ufl
+import numpy as np
 from dolfinx import jit as dolfinx_jit
 from ffcx.codegeneration import jit
+from ffcx.ir import elementtables
 from ffcx.ir.analysis.valuenumbering import ValueNumberer
 from processes import OPTIONS
 
@@ -69,8 +71,27 @@ def repair() -> None:
     basix.ufl._ElementBase.cell = property(lambda element: cell(element._cellname))
     # It looks through all nodes for each one.
     ValueNumberer.get_node_symbols = lambda self, node: self.V_symbols[self.G.e2i[node]]
+    for name in ("analyse_table_type", "equal_tables", "is_permuted_table"):
+        setattr(elementtables, name, _once(getattr(elementtables, name)))
     if sys.version_info < (3, 13):  # later ones keep their wrappers
         singledispatchmethod.__get__ = _bound
+
+
+def _once(question: Callable[..., Any]) -> Callable[..., Any]:
+    """Answer a question on tables of elements once: forms share elements and rules.
+
+    FFCx compares each table of each form with zeros, ones, its own rows and other tables.
+    """
+    answers: dict[Any, Any] = {}
+
+    def answer(*tables: Any, **tolerances: float) -> Any:
+        arrays = [np.asarray(table) for table in tables]
+        key = (*((array.shape, array.tobytes()) for array in arrays), *tolerances.values())
+        if key not in answers:
+            answers[key] = question(*tables, **tolerances)
+        return answers[key]
+
+    return answer
 
 
 def _bound(self: singledispatchmethod, obj: object, cls: type | None = None) -> object:

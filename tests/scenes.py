@@ -16,11 +16,19 @@ from erc_contact.admissible.traction import ContactTraction
 AUGMENTED = ec.AugmentedLagrangian()
 
 
-def mostly_serial(cases: Iterable, on_ranks: Sequence) -> list:
-    """Parameters of a test: all of them in serial, some also on several ranks."""
-    return [
-        case if case in on_ranks else pytest.param(case, marks=pytest.mark.serial) for case in cases
-    ]
+def mostly_serial(cases: Iterable, on_ranks: Sequence, broad: Sequence = ()) -> list:
+    """Parameters of a test: all of them in serial, some also on several ranks.
+
+    Some are left to the broad suite.
+    """
+
+    def marked(case: object) -> object:
+        marks = [] if case in on_ranks else [pytest.mark.serial]
+        if case in broad:
+            marks.append(pytest.mark.broad)
+        return pytest.param(case, marks=marks)
+
+    return [marked(case) for case in cases]
 
 
 def certified(

@@ -134,17 +134,20 @@ def _check_pieces(path: Path, deep: int = 0) -> None:
 
 def _reader(kind: str) -> Any:
     """Return VTK's reader of a format."""
-    from vtkmodules.vtkIOHDF import vtkHDFReader  # noqa: PLC0415 - loaded in a process of its own
-    from vtkmodules.vtkIOLegacy import vtkGenericDataObjectReader  # noqa: PLC0415
-    from vtkmodules.vtkIOXML import vtkXMLGenericDataObjectReader  # noqa: PLC0415
-
+    # Each is imported alone: VTK's libraries take longer to load than a mesh to read.
     if kind == "vtkhdf":
+        from vtkmodules.vtkIOHDF import vtkHDFReader  # noqa: PLC0415 - in a process of its own
+
         return vtkHDFReader()
     if kind == "vtk":
+        from vtkmodules.vtkIOLegacy import vtkGenericDataObjectReader  # noqa: PLC0415
+
         reader = vtkGenericDataObjectReader()
         for fields in ("Scalars", "Vectors", "Fields"):
             getattr(reader, f"ReadAll{fields}On")()
         return reader
+    from vtkmodules.vtkIOXML import vtkXMLGenericDataObjectReader  # noqa: PLC0415
+
     return vtkXMLGenericDataObjectReader()
 
 

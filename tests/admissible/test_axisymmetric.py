@@ -97,7 +97,7 @@ def test_rates(inner, degree):
     assert -np.diff(np.log2(sizes)).min() > degree - 0.2
 
 
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [1, pytest.param(2, marks=pytest.mark.broad)])
 def test_far_from_the_axis_it_is_plane_strain(degree):
     scene, domain = punched_ring(1000.0, (4, 4))
     ring = certified(scene, domain, degree=degree)
@@ -164,6 +164,7 @@ def test_springs_and_foundations():
         assert energy == pytest.approx(-0.5 * np.pi * (1 / stiffness + 1 / E), rel=1e-9)
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_a_table_may_begin_at_the_axis():
     """The gap of a table of two points is a line; its first kink is on the axis."""
@@ -344,6 +345,7 @@ def test_runs_reach_their_accuracy(strategy):
     assert energy.low <= 79.38378369 <= energy.high
 
 
+@pytest.mark.broad
 def test_press_fit_of_two_tubes():
     """Lame: 1 to 2 in 2 to 3, interference 0.01, strain plane along z."""
     inner = ec.rectangle((1.0, 0.0), (3.0, 1.0), cells=(8, 4))
@@ -375,7 +377,7 @@ def test_a_run_goes_on_from_its_folder(shared_tmp_path):
 
 
 @pytest.mark.ranks
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [pytest.param(1, marks=pytest.mark.broad), 2])
 def test_ranks_agree(degree):
     """A scene with springs, loads of all kinds and a gap, on any number of ranks."""
 

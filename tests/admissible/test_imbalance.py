@@ -18,6 +18,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from attack_pairs import outcome
+from domains import partly_broad
 from mpi4py import MPI
 from pair_evaluation import UNBALANCED
 from scenes import block, certified, prototype_block, random_scene
@@ -212,7 +213,10 @@ def test_pressures_that_oscillate_are_balanced_for_what_is_left(solver):
     assert max(left) < 10 * ROUND_OFF
 
 
-@pytest.mark.parametrize("moved", [(0.0, 0.0), (0.0, -0.25), (0.1, -0.25), (1e3, 1e3)])
+@pytest.mark.parametrize(
+    "moved",
+    partly_broad([(0.0, 0.0), (0.0, -0.25), (0.1, -0.25), (1e3, 1e3)], [(0.0, 0.0), (0.0, -0.25)]),
+)
 def test_displacements_without_strain(moved):
     """Nothing but the loads tells the size of the stress."""
     domain = ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(6, 3))

@@ -97,7 +97,10 @@ def test_a_linear_body_is_tightened_once(monkeypatch):
 
 
 @pytest.mark.ranks
-@pytest.mark.parametrize(("kind", "degree"), [("2", 1), ("3", 1), ("3", 2), ("rings", 2)])
+@pytest.mark.parametrize(
+    ("kind", "degree"),
+    [("2", 1), ("3", 1), pytest.param("3", 2, marks=pytest.mark.broad), ("rings", 2)],
+)
 def test_ranks_find_the_same_stress(kind, degree):
     values = []
     for comm in (MPI.COMM_SELF, COMM):

@@ -362,8 +362,10 @@ def test_exact_solution_takes_no_step():
 
 
 @pytest.mark.ranks
-@pytest.mark.parametrize("seed", [2, 3])
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize(
+    ("seed", "degree"),
+    [(2, 2), (3, 1), *(pytest.param(*case, marks=pytest.mark.broad) for case in [(2, 1), (3, 2)])],
+)
 def test_rank_independence(seed, degree):
     e = []
     for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):

@@ -52,7 +52,7 @@ def fine_solution(name: str) -> ec.Solution:
     return ec.solve(SCENES[name], block(FINE))
 
 
-@pytest.mark.parametrize("n", [4, 8])
+@pytest.mark.parametrize("n", [4, pytest.param(8, marks=pytest.mark.broad)])
 @pytest.mark.parametrize("name", SCENES)
 def test_bound_of_true_errors(name, n):
     scene = SCENES[name]

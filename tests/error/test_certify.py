@@ -264,7 +264,7 @@ def test_a_result_of_calculix_on_hexahedra():
     assert certificate.off_supports < 1e-7
 
 
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [pytest.param(1, marks=pytest.mark.broad), 2])
 def test_a_result_of_triangles_is_that_of_its_points(degree, shared_tmp_path):
     solution = solved(degree, n=3)
     path = shared_tmp_path / "result.vtu"

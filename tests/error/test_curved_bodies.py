@@ -142,7 +142,7 @@ def test_a_mean_displacement_is_over_the_true_area():
     assert perturbation.psi(solution.u).value == pytest.approx(work, rel=1e-12)
 
 
-@pytest.mark.parametrize("normal", ["gap", "callable"])
+@pytest.mark.parametrize("normal", ["gap", pytest.param("callable", marks=pytest.mark.broad)])
 def test_gap_and_normal_are_those_of_the_true_surface(normal, shared_tmp_path):
     """A ball in a spherical socket of radius 1.1.
 

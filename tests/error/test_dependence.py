@@ -75,7 +75,8 @@ def test_kind(kind, square):
 
 
 @pytest.mark.parametrize(
-    ("kind", "guaranteed"), [("switched on", False), ("sign", False), ("given", True)]
+    ("kind", "guaranteed"),
+    [("switched on", False), pytest.param("sign", False, marks=pytest.mark.broad), ("given", True)],
 )
 def test_switch_is_not_guaranteed(kind, guaranteed, square):
     scene = ec.Scene(

@@ -131,7 +131,7 @@ def test_energy_holds_that_of_a_fine_mesh(case):
     [
         ("Tresca friction", 1),
         ("Tresca friction", 2),
-        ("cube, Tresca friction", 2),
+        pytest.param("cube, Tresca friction", 2, marks=pytest.mark.broad),
         ("frictionless", 1),
     ],
 )

@@ -190,6 +190,7 @@ def test_a_strip_that_nothing_holds():
     assert history.bounds.low < OF_TABLES < history.bounds.high
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_what_integrals_leave_unknown_is_no_motion():
     """A load in balance that jumps inside cells, whose integral is known to 1e-4."""
@@ -206,7 +207,7 @@ def test_what_integrals_leave_unknown_is_no_motion():
 
 
 @pytest.mark.ranks
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [pytest.param(1, marks=pytest.mark.broad), 2])
 def test_ranks_agree(degree):
     crack = ec.Contact("upper lip", against="lower lip")
     scene = pulled(contacts=(crack,))

@@ -274,6 +274,7 @@ def test_ranks_agree():
     assert found[0] == pytest.approx(found[1], rel=1e-6)
 
 
+@pytest.mark.serial
 def test_a_penny_crack():
     """Between faces that touch nothing; the radius ends at the axis."""
     error = certified(of_lips(0.3, 1.0), penny_of(0.15))

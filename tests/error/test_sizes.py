@@ -343,7 +343,7 @@ def test_size_maps_foresee_from_the_second_mesh():
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("d", [2, pytest.param(3, marks=pytest.mark.broad)])
 def test_foreseen_cells_are_those_needed(d):
     """Within 20%, as on the scenes of benchmarks/foreseen.py."""
     if d == 2:

@@ -156,6 +156,7 @@ def test_a_stiff_body_keeps_its_normal(method):
     assert abs(slope + x / NOSE_RADIUS).max(initial=0.0) < 0.04
 
 
+@pytest.mark.broad
 def test_the_order_of_sides_changes_nothing():
     """Equal bodies on meshes that do not match: forces agree within e."""
     forces = []
@@ -193,7 +194,7 @@ def test_distances_are_bounded_without_a_search(d, degree):
     assert (bound - excess).max() < 0.01 * scale
 
 
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [1, pytest.param(2, marks=pytest.mark.broad)])
 def test_gap_of_round_bodies_is_the_distance_of_their_surfaces(degree):
     """A pin in a bore, not the polygons of their meshes, whose gap is up to 2e-3 off."""
     domain = discs(0.5, 0.8, (0.2, 0.2)).joined("pin rim", "ring bore", apart=0.35)
@@ -320,6 +321,7 @@ def test_names_may_be_exchanged():
         assert forces[0] == pytest.approx(forces[1], rel=1e-9)
 
 
+@pytest.mark.broad
 def test_a_ring_about_the_axis():
     """Axisymmetric: a disc presses a block below it, across a clearance; the force of rings."""
     domain = apart(2, 0.2)
@@ -339,7 +341,13 @@ def test_a_ring_about_the_axis():
 
 
 @pytest.mark.on_ranks("sides1")
-@pytest.mark.parametrize("sides", [("shaft right", "hub left"), ("hub left", "shaft right")])
+@pytest.mark.parametrize(
+    "sides",
+    [
+        pytest.param(("shaft right", "hub left"), marks=pytest.mark.broad),
+        ("hub left", "shaft right"),
+    ],
+)
 def test_rings_of_other_radii(sides):
     """Axisymmetric: Lame's pressures of a press fit, each per area of the side named first."""
     a, b, c = 0.5, 0.4, 1.0
@@ -420,7 +428,7 @@ def test_deviation_of_the_linear_gap(d, degree):
 
 
 @pytest.mark.on_ranks("2")
-@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("d", [2, pytest.param(3, marks=pytest.mark.broad)])
 def test_matching_sides_keep_all_vertices(d, measures):
     """Facets of two circles or cylinders that are equal but for the radius."""
     for hole in (0.6, 0.49):
@@ -445,7 +453,7 @@ def test_matching_sides_keep_all_vertices(d, measures):
 
 
 @pytest.mark.on_ranks("pin rim")
-@pytest.mark.parametrize("first", ["pin rim", "ring bore"])
+@pytest.mark.parametrize("first", ["pin rim", pytest.param("ring bore", marks=pytest.mark.broad)])
 def test_each_body_follows_its_own_circle(first, measures):
     """Discs with facets of other sizes: each vertex that is made lies on its own true side."""
     before = discs(0.5, 0.6, (0.12, 0.2))

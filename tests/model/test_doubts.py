@@ -86,7 +86,7 @@ def block_of(d, n=2):
 
 @pytest.mark.on_ranks("2-1", "3-2")
 @pytest.mark.parametrize("degree", [1, 2])
-@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("d", [2, pytest.param(3, marks=pytest.mark.broad)])
 def test_strains_are_told_as_they_are(d, degree):
     """Uniform strain 0.6 of all of the body, without rotation; from 1 on it is refused."""
     distortion = ec.solve(squeezed(0.6, d), block_of(d), degree=degree).distortion
@@ -292,7 +292,8 @@ def test_an_arc_that_is_pulled_off_does_not(method, solver, warnings):
 
 
 @pytest.mark.parametrize(
-    ("d", "method", "degree"), [(2, ec.Nitsche(), 1), (3, ec.AugmentedLagrangian(), 2)]
+    ("d", "method", "degree"),
+    [(2, ec.Nitsche(), 1), pytest.param(3, ec.AugmentedLagrangian(), 2, marks=pytest.mark.broad)],
 )
 def test_a_round_foundation_may_touch_between_nodes(d, method, degree, warnings):
     """The middle of the bottom is in the middle of a facet, or of two."""

@@ -258,6 +258,7 @@ def test_histories_of_proportional_loads_are_one_step():
 # ---------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.broad
 def test_order_of_contacts_changes_nothing():
     """Contacts of a common node are set one after the other, whatever the order of the scene."""
     left = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(2, 2))

@@ -50,7 +50,7 @@ def assert_same(first, second, rtol=1e-9):
 @pytest.mark.on_ranks("2-tangential-1-method0-direct", "3-rising-1-method1-iterative")
 @pytest.mark.parametrize("solver", mostly_serial(["direct", "iterative"], ["direct"]))
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("degree", mostly_serial([1, 2], [1]))
+@pytest.mark.parametrize("degree", mostly_serial([1, 2], [1], [2]))
 @pytest.mark.parametrize("way", ["tangential", "rising", "far"])
 @pytest.mark.parametrize("d", [2, 3])
 def test_what_counts_is_the_motion_against_the_foundation(d, way, degree, method, solver):
@@ -87,6 +87,7 @@ def test_numbers_have_the_same_intervals(friction):
     assert str(certificates[0]) == str(certificates[1])
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_a_foundation_that_gives_way_moves_too():
     bed = ec.Foundation(2.0)
@@ -139,8 +140,8 @@ def test_a_turning_disc_pulls_with_its_moment(degree):
     assert force.moment[2] > 0  # the pad is taken along with the disc
 
 
-@pytest.mark.on_ranks("0")
-@pytest.mark.parametrize("waves", [0, 9])
+@pytest.mark.on_ranks("9")
+@pytest.mark.parametrize("waves", [pytest.param(0, marks=pytest.mark.broad), 9])
 def test_a_motion_that_facets_do_not_represent_is_told(waves):
     wavy = (lambda x: 0.004 * np.cos(waves * x[0]), 0.0)
     foot = ec.Contact("bottom", friction=ec.Tresca(0.002), motion=wavy)

@@ -268,6 +268,7 @@ def test_e_bounds_both_errors(law, degree):
     assert error.absolute < 2.0 * true.both
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_a_damaged_turn_is_refused(monkeypatch):
     """Whoever bends a traction out of its cone is told by the pair."""
@@ -563,7 +564,7 @@ def corner_of_ring(cells):
     return ec.Domain(whole.mesh, whole.facet_tags, whole.names)
 
 
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [1, pytest.param(2, marks=pytest.mark.broad)])
 def test_vertices_beside_the_circle_do_not_let_a_ring_turn(degree):
     """New vertices lie on chords: there given normals hold the turn, as the pair knows."""
     ring = corner_of_ring((2, 4)).refined()

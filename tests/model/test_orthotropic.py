@@ -38,6 +38,7 @@ def compliance_of_constants():
     return S
 
 
+@pytest.mark.serial
 def test_the_metric_is_the_turned_compliance():
     Q, _ = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))
     law = ec.OrthotropicElastic(E, NU, G, axes=Q)
@@ -75,6 +76,7 @@ def test_a_bar_that_is_pulled_at_an_angle_to_its_fibres(hypothesis):
     assert strain == pytest.approx(pull * slope, rel=1e-5)
 
 
+@pytest.mark.broad
 def test_equal_axes_beside_an_elastic_region():
     """An elastic slab, of which one layer is declared as orthotropic, or both are elastic."""
     layers = {"low": ec.where(y=(None, 0.5)), "high": ec.where(y=(0.5, None))}

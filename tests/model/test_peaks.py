@@ -104,7 +104,7 @@ def test_bound_does_not_depend_on_other_facets():
         assert np.array_equal(of_triangles(some), together[some])
 
 
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [1, pytest.param(2, marks=pytest.mark.broad)])
 def test_displacement_is_below_a_cusp(degree):
     place = 0.4321
     scene = ec.Scene(

@@ -137,7 +137,7 @@ def laminate_energy(strain):
 
 
 @pytest.mark.parametrize("degree", [1, 2])
-@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("d", [2, pytest.param(3, marks=pytest.mark.broad)])
 def test_a_laminate_is_exact(d, degree):
     strain = np.array([[0.01, 0.004, -0.003], [0.004, -0.006, 0.002], [-0.003, 0.002, 0.005]])[
         :d, :d
@@ -213,7 +213,7 @@ def closed_ring(cells):
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [1, pytest.param(2, marks=pytest.mark.broad)])
 def test_a_sector_is_the_whole_disc(degree):
     loads = [ec.Traction("inner", pressure=0.01), ec.BodyForce((radial, around))]
     scene = ec.Scene(ec.Elastic(1.0, 0.3), loads=loads, contacts=CONTACT)
@@ -335,7 +335,10 @@ def assert_same(one, every):
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize(("d", "sectors", "degree"), [(2, 2, 1), (2, 5, 2), (3, 2, 1), (3, 3, 2)])
+@pytest.mark.parametrize(
+    ("d", "sectors", "degree"),
+    [(2, 2, 1), (2, 5, 2), (3, 2, 1), pytest.param(3, 3, 2, marks=pytest.mark.broad)],
+)
 def test_sides_may_meet_on_the_axis(d, sectors, degree):
     """A sector of a full disc or cylinder: on the axis R u = u, and forces turn with R."""
     axis, normal = turning(d)
@@ -417,7 +420,11 @@ def test_a_sector_of_a_press_fit_carries_its_part_of_the_torque():
     assert_fits(one)
 
 
-@pytest.mark.parametrize("method", [AUGMENTED, ec.Nitsche()], ids=["augmented", "nitsche"])
+@pytest.mark.parametrize(
+    "method",
+    [AUGMENTED, pytest.param(ec.Nitsche(), marks=pytest.mark.broad)],
+    ids=["augmented", "nitsche"],
+)
 @pytest.mark.parametrize("d", [2, 3])
 def test_solvers_agree(d, method):
     loads = [ec.Traction("inner", pressure=0.01)]
@@ -448,7 +455,10 @@ def wavy(ratio, *, moved=0.0, friction=0.0, cells=(8, 12), comm=COMM):
     return scene, ec.rectangle((0.0, 0.0), (1.0, 1.5), cells=cells, comm=comm)
 
 
-@pytest.mark.parametrize("moved", [0.0, 0.5], ids=["middle", "sides"])
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    "moved", [0.0, pytest.param(0.5, marks=pytest.mark.broad)], ids=["middle", "sides"]
+)
 def test_a_wavy_surface_has_the_contact_of_westergaard(moved):
     """The half width is (L/pi) asin(sqrt(p/p*)), wherever the crest is."""
     scene, domain = wavy(0.4, moved=moved)
@@ -499,7 +509,7 @@ def test_bounds_of_the_energy_hold(seed):
 
 
 @pytest.mark.ranks
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [pytest.param(1, marks=pytest.mark.broad), 2])
 def test_ranks_change_nothing(degree):
     numbers = []
     for comm in (MPI.COMM_SELF, COMM):

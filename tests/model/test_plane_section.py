@@ -189,7 +189,7 @@ def random_half(d: int, seed: int) -> tuple[ec.Scene, ec.PlaneSection]:
 
 
 @pytest.mark.parametrize("seed", range(4))
-@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("d", [2, pytest.param(3, marks=pytest.mark.broad)])
 def test_energies_of_finer_meshes_lie_in_the_bounds(d, seed):
     scene, section = random_half(d, seed)
     coarse = measured(scene, plate() if d == 2 else brick())
@@ -232,6 +232,7 @@ def growing(t: float) -> ec.Scene:
     return ec.Scene(STEEL, [roller, section], contacts=ec.Contact("bottom", friction=0.3))
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_runs_go_on_from_their_folders(tmp_path):
     whole = ec.adapt(growing(1.0), plate(), 0.03)

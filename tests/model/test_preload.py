@@ -51,7 +51,9 @@ def joint(d, friction=0.2, pull=0.0, sides=SIDES, **preload):
 
 
 @pytest.mark.on_ranks("1-2", "1-3")
-@pytest.mark.parametrize(("degree", "d"), [(1, 2), (2, 2), (1, 3), (2, 3)])
+@pytest.mark.parametrize(
+    ("degree", "d"), [(1, 2), (2, 2), (1, 3), pytest.param(2, 3, marks=pytest.mark.broad)]
+)
 def test_bar(degree, d):
     """Its force and its shift, given either; nothing is left of e."""
     domain = bricks(d, (4, 2) if d == 2 else (2, 2, 1))
@@ -328,6 +330,7 @@ def test_a_cut_that_ends_inside_is_refused():
     refused(lambda: ec.solve(scene, domain), "ends inside the body", "whole section")
 
 
+@pytest.mark.broad
 def test_a_pull_above_the_force_is_told():
     """A bolt has at least the force of what pulls at it, however far it is let apart."""
     scene = joint(2, pull=8.0, force=FORCE)

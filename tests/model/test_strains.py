@@ -104,7 +104,14 @@ def test_held_bar(degree):
 
 
 @pytest.mark.on_ranks("method0", "method2")
-@pytest.mark.parametrize("method", [ec.AugmentedLagrangian(), ec.Nitsche(), ec.Nitsche(theta=1)])
+@pytest.mark.parametrize(
+    "method",
+    [
+        ec.AugmentedLagrangian(),
+        ec.Nitsche(),
+        pytest.param(ec.Nitsche(theta=1), marks=pytest.mark.broad),
+    ],
+)
 def test_heat_presses_and_cold_opens(method):
     hot = measured(walled(ec.ThermalStrain(HEAT, 40.0)), plate(), method=method)
     pressure = hot.profile("bottom")["pressure"]

@@ -34,7 +34,9 @@ def half(d, degree, symmetry, turned=0.0):
 
 
 @pytest.mark.on_ranks("2-2", "3-1")
-@pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), (3, 1)])
+@pytest.mark.parametrize(
+    ("d", "degree"), [(2, 1), (2, 2), pytest.param(3, 1, marks=pytest.mark.broad)]
+)
 def test_it_is_a_roller(d, degree):
     plane = half(d, degree, symmetry=True)
     roller = half(d, degree, symmetry=False)

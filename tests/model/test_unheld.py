@@ -95,7 +95,11 @@ def test_a_bar_between_two_forces(d, degree, solver):
 
 
 @pytest.mark.parametrize("load", ["pressure", "callable"])
-@pytest.mark.parametrize("strategy", [ec.Mark(), ec.SizeMap()], ids=["marks", "sizes"])
+@pytest.mark.parametrize(
+    "strategy",
+    [ec.Mark(), pytest.param(ec.SizeMap(), marks=pytest.mark.broad)],
+    ids=["marks", "sizes"],
+)
 def test_a_ring_under_internal_pressure(strategy, load):
     """Lame's thick tube; a traction by a formula is not in balance on polygons."""
     p = 0.2
@@ -133,8 +137,8 @@ def test_rings_are_free_along_their_axis(degree):
 @pytest.mark.on_ranks("2-1-N-direct", "2-2-A-iterative", "3-1-A-iterative")
 @pytest.mark.parametrize("solver", ["direct", "iterative"])
 @pytest.mark.parametrize("method", [ec.Nitsche(), ec.AugmentedLagrangian()], ids=["N", "A"])
-@pytest.mark.parametrize("degree", [1, 2])
-@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("degree", [1, pytest.param(2, marks=pytest.mark.broad)])
+@pytest.mark.parametrize("d", [2, pytest.param(3, marks=pytest.mark.broad)])
 def test_two_bodies_pressed_on_each_other(d, degree, method, solver):
     """Without friction all stress is uniform; they may slide along each other, too."""
     error = certified(squeezed_pair(d, 0.0), small_bricks(d), method, degree=degree, solver=solver)
@@ -183,7 +187,7 @@ def elsewhere(unheld: Unheld, space, fixed, contacts) -> np.ndarray:
 @pytest.mark.pairs
 @pytest.mark.serial
 @pytest.mark.parametrize("degree", [1, 2])
-@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("d", [2, pytest.param(3, marks=pytest.mark.broad)])
 @pytest.mark.parametrize("kind", ["bar", "pair", "block on a plane"])
 def test_any_minimal_supports_give_the_same(kind, d, degree, monkeypatch):
     """u, stresses, energy, forces and e are the same to 1e-9, wherever nodes are held."""

@@ -273,7 +273,7 @@ def test_cells_and_facets_may_share_a_name_and_need_none(gmsh_session, measures)
 # ---------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("version", [2.2, 4.1])
+@pytest.mark.parametrize("version", [pytest.param(2.2, marks=pytest.mark.broad), 4.1])
 @pytest.mark.parametrize("binary", [0, 1])
 def test_msh_file(version, binary, gmsh_session, shared_tmp_path, measures):
     path = shared_tmp_path / "plate.msh"
@@ -364,7 +364,9 @@ def tagged_block(gmsh, dim):
 
 
 @pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize("suffix", [".vtu", ".vtk", ".inp", ".mesh", ".su2"])
+@pytest.mark.parametrize(
+    "suffix", [".vtu", pytest.param(".vtk", marks=pytest.mark.broad), ".inp", ".mesh", ".su2"]
+)
 def test_other_formats(suffix, dim, gmsh_session, shared_tmp_path, measures):
     path = shared_tmp_path / f"block{suffix}"
     if gmsh_session:

@@ -10,6 +10,7 @@ import re
 
 import numpy as np
 import pytest
+from domains import partly_broad
 from mpi4py import MPI
 
 import namedmesh as nm
@@ -112,7 +113,9 @@ def test_what_is_told_of_pairs_reads_well(folder):
     assert "<td>nut on base</td>" in bodies.touching()._repr_html_()
 
 
-@pytest.mark.parametrize("kind", ["touch", "distance", "negative", "three"])
+@pytest.mark.parametrize(
+    "kind", ["touch", "distance", "negative", pytest.param("three", marks=pytest.mark.broad)]
+)
 def test_bad_questions_on_touching_are_told(kind, folder):
     bodies = nm.read_mesh(write(folder / "two.brep", block_on_base), size=2.0)
     call = {
@@ -207,7 +210,7 @@ UNITS = {
 }
 
 
-@pytest.mark.parametrize("unit", UNITS)
+@pytest.mark.parametrize("unit", partly_broad(UNITS, ["m", "cm"]))
 def test_lengths_are_in_the_unit_of_the_file(unit, folder, told):
     words, name = UNITS[unit]
     draw = lambda occ: occ.addBox(0, 0, 0, 4, 2, 1)  # noqa: E731

@@ -11,7 +11,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from domains import refused
+from domains import partly_broad, refused
 from mpi4py import MPI
 from test_domain import assert_closed, close, near
 from test_split import assert_paired, cells_of, tagged
@@ -77,6 +77,7 @@ CASES = {
     "overhang 3D": (box((0.4, 0.3, 0), (1.5, 1.4, 0.5), (3, 4, 2)), LOW3, 0.42),
     "across": (box((-0.5, 0.3, 0), (1.5, 0.8, 0.5), (6, 2, 2)), LOW3, 0.5),
 }
+BROADER = ["overhang", "beyond", "within 3D", "beyond 3D"]
 ANGLES = {2: 7.0, 3: 9.0}
 """Least angles of triangles, and least dihedral ones of tetrahedra, of these meshes [degrees]."""
 
@@ -100,7 +101,7 @@ def joined(name, comm=COMM):
 
 
 @pytest.mark.on_ranks("within", "overhang 3D", "across")
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", partly_broad(CASES, BROADER))
 def test_sides_face_each_other(name, measures):
     both, domain = joined(name)
     assert domain.pairs == (("upper bottom", "lower top"),)
@@ -410,7 +411,7 @@ APART = {
 
 
 @pytest.mark.on_ranks("overhang 3D", "tower")
-@pytest.mark.parametrize("name", APART)
+@pytest.mark.parametrize("name", partly_broad(APART, ("one model", "discs")))
 def test_bodies_are_meshed_again_and_joined(name, measures):
     """Also from the shape that a checkpoint keeps; names, tags, pairs and measures stay."""
     make, size = APART[name]

@@ -179,7 +179,7 @@ def curved_sector(d):
     return domain
 
 
-@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("d", [2, pytest.param(3, marks=pytest.mark.broad)])
 def test_curved_sides_become_alike(d):
     """The body keeps its true shape: refined, it comes nearer to the volume."""
     body = curved_sector(d)

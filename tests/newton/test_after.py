@@ -108,7 +108,7 @@ def test_proportional_loading_ends_in_the_static_solution(d, degree, solver):
 
 
 @pytest.mark.on_ranks("method0")
-@pytest.mark.parametrize("method", [AUGMENTED, NITSCHE])
+@pytest.mark.parametrize("method", [AUGMENTED, pytest.param(NITSCHE, marks=pytest.mark.broad)])
 def test_sliding_forward_and_back(method):
     """All slides: the friction is mu times the pressure, against the motion since the last step."""
     there, further, back, held = run(
@@ -133,7 +133,7 @@ def test_nothing_moves_while_the_loads_are_held():
             assert one.newton_steps <= 2
 
 
-@pytest.mark.parametrize("scale", [1e-14, 1e9])
+@pytest.mark.parametrize("scale", [1e-14, pytest.param(1e9, marks=pytest.mark.broad)])
 def test_shear_that_stays_without_any_load(scale):
     """The top goes away and comes back.
 
@@ -202,7 +202,9 @@ def trace_of(space, facets):
     return Trace(side, side.only(slice(0)), np.tile(-np.eye(space.d)[-1], (len(facets), 1)))
 
 
-@pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), (3, 1), (3, 2)])
+@pytest.mark.parametrize(
+    ("d", "degree"), [(2, 1), (2, 2), (3, 1), pytest.param(3, 2, marks=pytest.mark.broad)]
+)
 def test_a_refined_mesh_represents_the_last_step(d, degree):
     """At every node of the refined contact.
 

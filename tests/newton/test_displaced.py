@@ -59,7 +59,7 @@ def on_floor(d: int, tilt: float, **entries) -> tuple[ec.Scene, ec.Domain]:
 
 @pytest.mark.on_ranks("2-1", "3-2")
 @pytest.mark.parametrize("degree", [1, 2])
-@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("d", [2, pytest.param(3, marks=pytest.mark.broad)])
 def test_the_moment_is_that_of_the_forces(d, degree):
     """Exact for degree 1; for degree 2 the middle of a cell stands for it."""
     solution = ec.solve(*on_floor(d, 0.01), degree=degree)

@@ -8,6 +8,7 @@
 
 import numpy as np
 import pytest
+from domains import partly_broad
 from mpi4py import MPI
 from scenes import certified
 
@@ -33,7 +34,7 @@ def plate(gap, friction=0.3, method=None, solver="auto", comm=None):
     return ec.solve(scene, body, method, solver=solver)
 
 
-@pytest.mark.parametrize("solver", ["direct", "iterative"])
+@pytest.mark.parametrize("solver", ["direct", pytest.param("iterative", marks=pytest.mark.broad)])
 @pytest.mark.parametrize("method", METHODS, ids=["nitsche", "lagrangian"])
 def test_a_clearance_changes_nothing(method, solver):
     """The plate falls by 5e6 times what it is compressed."""
@@ -138,7 +139,9 @@ def test_no_forces_of_contacts_have_no_motion():
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("method", METHODS, ids=["nitsche", "lagrangian"])
+@pytest.mark.parametrize(
+    "method", partly_broad(METHODS, METHODS[:1]), ids=["nitsche", "lagrangian"]
+)
 def test_a_history_goes_on_from_a_fallen_body(method):
     """Friction counts the slip since the body was carried, not the way of the fall."""
     block = ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(4, 2))
@@ -178,7 +181,7 @@ def test_bodies_fall_on_ranks(solver):
     )
 
 
-@pytest.mark.parametrize("ratio", [1e10, 1e12])
+@pytest.mark.parametrize("ratio", [1e10, pytest.param(1e12, marks=pytest.mark.broad)])
 def test_a_stiff_body_sinks_into_a_soft_one(ratio):
     """The round-off of its stiffness on its free motion is no force."""
     upper = ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(4, 4))

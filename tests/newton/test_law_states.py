@@ -227,6 +227,7 @@ def test_bodies_that_overlap_keep_their_states():
     assert state.moved < 1e-12
 
 
+@pytest.mark.broad
 def test_a_start_on_another_body():
     """It gives the contact only; a state cannot be known there."""
     other = ec.solve(on_parabola(STEEL), ec.rectangle((0.0, 0.0), (1.0, 1.0), cells=(3, 3)))

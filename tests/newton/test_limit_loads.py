@@ -155,7 +155,7 @@ def test_what_has_a_solution_is_not_refused(seed):
 
 
 @pytest.mark.ranks
-@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("d", [2, pytest.param(3, marks=pytest.mark.broad)])
 def test_ranks_tell_the_same(d):
     """One rank gathers the facets, so all say what one rank alone says."""
     scene = ec.Scene(SOFT, loads=loads(d, 0.5, "left"), contacts=ec.Contact("bottom", friction=0.3))

@@ -216,7 +216,7 @@ def test_resultants_of_round_off_are_seen():
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("solver", ["direct", "iterative"])
+@pytest.mark.parametrize("solver", ["direct", pytest.param("iterative", marks=pytest.mark.broad)])
 def test_springs_that_pull_for_ever_are_given_up(solver):
     """The block slides away; springs are softened once to the end."""
     kind = Direct if solver == "direct" else Iterative
@@ -316,7 +316,9 @@ def test_multigrid_tells_round_off_of_a_stiff_body():
     assert error.force("u bottom").force[1] == pytest.approx(3e-3, rel=1e-9)
 
 
-@pytest.mark.parametrize("kind", [Direct, Iterative], ids=["direct", "iterative"])
+@pytest.mark.parametrize(
+    "kind", [Direct, pytest.param(Iterative, marks=pytest.mark.broad)], ids=["direct", "iterative"]
+)
 def test_springs_are_as_soft_as_the_body_that_they_hold(kind):
     """A soft body between stiff ones slides at both: it needs few proximal steps."""
     bricks = {}

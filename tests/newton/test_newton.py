@@ -174,7 +174,11 @@ def triangle(friction: float) -> tuple[ec.Scene, ec.Domain]:
 
 
 @pytest.mark.on_ranks("AugmentedLagrangian(gamma=1.0)")
-@pytest.mark.parametrize("method", [ec.Nitsche(), ec.AugmentedLagrangian()], ids=str)
+@pytest.mark.parametrize(
+    "method",
+    [pytest.param(ec.Nitsche(), marks=pytest.mark.broad), ec.AugmentedLagrangian()],
+    ids=str,
+)
 def test_continuum_of_solutions_is_reported(method, caplog):
     many = ec.solve(*triangle(2.0), method)
     assert many.singular
@@ -340,7 +344,11 @@ def with_friction(friction) -> ec.Scene:
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("method", [ec.Nitsche(), ec.AugmentedLagrangian()], ids=str)
+@pytest.mark.parametrize(
+    "method",
+    [pytest.param(ec.Nitsche(), marks=pytest.mark.broad), ec.AugmentedLagrangian()],
+    ids=str,
+)
 def test_law_of_the_user(method):
     """Between Coulomb (a high limit) and Tresca (high friction).
 
@@ -367,6 +375,7 @@ def test_law_of_the_user(method):
     assert errors[1] < 0.75 * errors[0]
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_normal_from_the_gap():
     """A tilted plane given by its distance is the plane given by its normal.

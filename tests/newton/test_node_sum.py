@@ -58,7 +58,7 @@ def test_contacts_between_bodies_feel_no_common_translation(degree):
     tangent.free()
 
 
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [1, pytest.param(2, marks=pytest.mark.broad)])
 def test_the_tangent_is_the_derivative_of_the_residual(degree):
     """Away from kinks; a sum of all pairs that misses an entry, or a sign, is far from it."""
     foundation = ec.Contact("lower outer", friction=0.2)

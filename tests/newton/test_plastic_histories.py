@@ -223,7 +223,7 @@ def test_a_history_tells_what_new_meshes_moved(strategy):
 
 
 @pytest.mark.ranks
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [pytest.param(1, marks=pytest.mark.broad), 2])
 def test_ranks_move_a_state_alike(degree):
     """To a mesh that does not refine the last one, whose cells are on other ranks."""
     moved = []
@@ -259,7 +259,9 @@ def compared(first, second):
 
 
 @pytest.mark.ranks
-@pytest.mark.parametrize(("law", "degree"), [(STEEL, 2), (RINGS, 1), (CURVED, 1)])
+@pytest.mark.parametrize(
+    ("law", "degree"), [(STEEL, 2), (RINGS, 1), pytest.param(CURVED, 1, marks=pytest.mark.broad)]
+)
 def test_ranks_have_the_same_history(law, degree):
     compared(*(history(comm, degree, law) for comm in (MPI.COMM_SELF, COMM)))
 

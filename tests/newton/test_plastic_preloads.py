@@ -98,7 +98,7 @@ def test_a_potential_of_linear_elasticity_is_elastic(degree):
         assert numbers[1][1:] == pytest.approx(numbers[0][1:], rel=1e-6)
 
 
-@pytest.mark.parametrize("shift", [0.004, 0.02])
+@pytest.mark.parametrize("shift", [pytest.param(0.004, marks=pytest.mark.broad), 0.02])
 def test_a_bar_has_its_force(shift):
     """Below yield and beyond it, F = A sigma(q/L), by shift and by force."""
     (stress,) = stresses([shift / LENGTH])

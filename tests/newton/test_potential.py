@@ -60,7 +60,7 @@ def misfits(solution):
 @pytest.mark.pairs
 @pytest.mark.parametrize("method", [ec.Nitsche, ec.AugmentedLagrangian])
 @pytest.mark.parametrize("degree", [1, 2])
-@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("d", [2, pytest.param(3, marks=pytest.mark.broad)])
 def test_a_quadratic_potential_is_linear_elasticity(d, degree, method):
     errors = []
     for material in (ec.Elastic(1.0, 0.3), Quadratic(1.0, 0.3)):
@@ -339,7 +339,7 @@ def test_an_elastic_region_is_a_law_with_no_yield(plastic_first):
 
 @pytest.mark.ranks
 @pytest.mark.parametrize("method", [ec.Nitsche(), ec.AugmentedLagrangian()])
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [pytest.param(1, marks=pytest.mark.broad), 2])
 def test_ranks(degree, method):
     alone, together = (history(comm, degree, method) for comm in (MPI.COMM_SELF, COMM))
     for a, b in zip(alone.steps, together.steps, strict=True):
@@ -350,7 +350,7 @@ def test_ranks(degree, method):
 
 
 @pytest.mark.ranks
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [pytest.param(1, marks=pytest.mark.broad), 2])
 def test_ranks_without_cells(degree):
     """Two cells on any number of ranks: some ranks have nothing to integrate."""
     eps = []
@@ -418,11 +418,17 @@ class Wrong(Quadratic):
     ("material", "words"),
     [
         (Wrong(lambda psi, eps: psi + 0.01 * eps[0, 0]), "not zero without strain"),
-        (Wrong(lambda psi, eps: psi + 0.01), "not zero without strain"),
+        pytest.param(
+            Wrong(lambda psi, eps: psi + 0.01), "not zero without strain", marks=pytest.mark.broad
+        ),
         (Wrong(lambda psi, eps: psi - 5 * eps[0, 1] ** 2), "not convex"),
         (Wrong(lambda psi, eps: psi**0.5), "not finite"),
         (Wrong(lambda psi, s: 1.01 * psi, "conjugate"), "does not belong to the potential"),
-        (Wrong(lambda psi, s: 0.99 * psi, "conjugate"), "does not belong to the potential"),
+        pytest.param(
+            Wrong(lambda psi, s: 0.99 * psi, "conjugate"),
+            "does not belong to the potential",
+            marks=pytest.mark.broad,
+        ),
         (Wrong(lambda psi, s: s, "conjugate"), "no scalar"),
     ],
 )

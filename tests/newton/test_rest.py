@@ -78,7 +78,9 @@ def test_bodies_that_a_foundation_carries_are_at_rest(friction):
     assert error.absolute < 1e-6 * turn  # the root of round-off
 
 
-@pytest.mark.parametrize("stiffness", [1e-8, 1e-11], ids=["soft", "softer"])
+@pytest.mark.parametrize(
+    "stiffness", [pytest.param(1e-8, marks=pytest.mark.broad), 1e-11], ids=["soft", "softer"]
+)
 def test_a_stiff_body_on_a_soft_foundation_is_no_rest(stiffness):
     """It moves as a rigid body to all digits, and presses the foundation all the same."""
     sunk = 1e-3
@@ -125,7 +127,7 @@ def test_a_support_that_carries_a_body_away_is_told(caplog):
 
 
 @pytest.mark.on_ranks("1")
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [1, pytest.param(2, marks=pytest.mark.broad)])
 def test_a_history_from_rest_and_back(degree, caplog):
     """Pressed, sheared, released, pressed again, held by contact alone."""
 
@@ -202,7 +204,7 @@ def test_released_curved_body_makes_no_meshes():
 
 
 @pytest.mark.on_ranks("2")
-@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("d", [2, pytest.param(3, marks=pytest.mark.broad)])
 def test_what_is_no_rest(d):
     zero = (0.0,) * (d - 1)
     held, pressed = ec.Displacement("top", (0.0, *zero)), ec.Displacement("top", (*zero, -1e-9))
@@ -271,7 +273,9 @@ def test_a_body_back_at_rest_has_no_stress(kind, units, degree, method):
 
 
 @pytest.mark.on_ranks("strategy0")
-@pytest.mark.parametrize("strategy", [ec.SizeMap(), ec.Mark()])
+@pytest.mark.parametrize(
+    "strategy", [ec.SizeMap(), pytest.param(ec.Mark(), marks=pytest.mark.broad)]
+)
 def test_a_body_back_at_rest_keeps_the_mesh_of_its_load(strategy):
     """The step to rest begins with a slip that the refined or new mesh has taken over."""
     scene_at = back_to_rest("pressed", 1.0, 1.0)

@@ -282,7 +282,16 @@ SCENES = {
 
 @pytest.mark.serial
 @pytest.mark.parametrize(
-    ("name", "degree"), [*((name, 1) for name in SCENES), ("block", 2), ("GRECO", 2)]
+    ("name", "degree"),
+    [
+        ("block", 1),
+        ("GRECO", 2),
+        ("cube on a sphere", 1),
+        *(
+            pytest.param(*case, marks=pytest.mark.broad)
+            for case in [("block", 2), ("block, nu 0.35", 1), ("GRECO", 1)]
+        ),
+    ],
 )
 def test_default_solves_every_friction(name, degree):
     make, mesh = SCENES[name]

@@ -13,7 +13,7 @@ from itertools import product
 import numpy as np
 import pytest
 from bricks import NAMES, bricks, glued, lower_brick, small_bricks
-from domains import refused
+from domains import partly_broad, refused
 from mpi4py import MPI
 from reference import _barycentric, _sigma
 from scenes import certified
@@ -225,7 +225,15 @@ CASES = [*product((2,), (1,), SCENES), *product((2,), (2,), ("gap", "corner"))]
 CASES += product((3,), (1,), ("gap", "corner"))
 
 
-@pytest.fixture(scope="module", params=CASES, ids=lambda case: f"{case[0]}D-{case[1]}-{case[2]}")
+BROADER = [*product((2,), (1,), ("pressed", "Tresca", "corner", "half upper", "half lower"))]
+BROADER += [(2, 2, "gap"), (3, 1, "corner")]
+
+
+@pytest.fixture(
+    scope="module",
+    params=partly_broad(CASES, BROADER),
+    ids=lambda case: f"{case[0]}D-{case[1]}-{case[2]}",
+)
 def error(request):
     """The certified error of a scene."""
     d, degree, name = request.param
@@ -277,7 +285,7 @@ def test_bodies_that_fit_tightly_move_together(solver):
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("length", [1e-6, 1e3])
+@pytest.mark.parametrize("length", [1e-6, pytest.param(1e3, marks=pytest.mark.broad)])
 def test_a_fit_alone_is_solved_in_any_units(length):
     """No load and no support that moves tells how large forces are."""
 
@@ -326,7 +334,7 @@ def test_either_side_of_a_history(d):
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("driven", ["moved", "loaded"])
+@pytest.mark.parametrize("driven", ["moved", pytest.param("loaded", marks=pytest.mark.broad)])
 def test_a_loop_is_drawn_over_what_moves(driven):
     """The body below is clamped, and named first: its displacement is no abscissa."""
 
@@ -394,7 +402,7 @@ def test_scenes_of_a_history_name_the_sides_alike():
 
 @pytest.mark.on_ranks("2-half upper", "3-half lower")
 @pytest.mark.parametrize("name", ["half upper", "half lower", "half both"])
-@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("d", [2, pytest.param(3, marks=pytest.mark.broad)])
 def test_action_is_reaction_of_multipliers(d, name):
     """Also at the rim, where a support holds one body alone."""
     solution = ec.solve(SCENES[name](d), small_bricks(d), ec.AugmentedLagrangian())
@@ -489,7 +497,9 @@ def pressed_from_both_ends(d: int, contacts: list, bodies: tuple[str, ...]) -> e
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), (3, 1)])
+@pytest.mark.parametrize(
+    ("d", "degree"), [(2, 1), pytest.param(2, 2, marks=pytest.mark.broad), (3, 1)]
+)
 @pytest.mark.parametrize("method", METHODS[::3], ids=["Nitsche", "multiplier"])
 def test_two_bricks_are_one(d, degree, method):
     """Two equal bricks are twice one on a plane, and one of twice the height.
@@ -528,7 +538,10 @@ def test_two_bricks_are_one(d, degree, method):
 @pytest.mark.serial
 @pytest.mark.parametrize("friction", [0.0, 0.3, ec.Tresca(0.5)], ids=["none", "Coulomb", "Tresca"])
 @pytest.mark.parametrize("lower", [300.0, 900.0, 1000.0])
-@pytest.mark.parametrize(("degree", "method"), [(1, METHODS[0]), (1, METHODS[3]), (2, METHODS[0])])
+@pytest.mark.parametrize(
+    ("degree", "method"),
+    [(1, METHODS[0]), (1, METHODS[3]), pytest.param(2, METHODS[0], marks=pytest.mark.broad)],
+)
 def test_order_of_the_bodies(friction, lower, degree, method):
     """Which body is named first changes nothing, where both are as stiff, too."""
     domain = order_domain()
@@ -553,7 +566,7 @@ def order_domain() -> ec.Domain:
 
 @pytest.mark.serial
 @pytest.mark.parametrize("method", METHODS[::3], ids=["Nitsche", "multiplier"])
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [1, pytest.param(2, marks=pytest.mark.broad)])
 def test_stiff_body_is_a_foundation(degree, method):
     """As the lower body gets stiffer the upper one's force tends to that on a foundation.
 

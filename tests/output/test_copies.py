@@ -41,7 +41,9 @@ def periodic():
     return certified(ec.Scene(stiffness, sides), cell, AUGMENTED)
 
 
-@pytest.mark.parametrize(("make", "copies"), [(cyclic, SECTORS), (periodic, 9)])
+@pytest.mark.parametrize(
+    ("make", "copies"), [(cyclic, SECTORS), pytest.param(periodic, 9, marks=pytest.mark.broad)]
+)
 def test_copies_in_a_file_fit(make, copies, shared_tmp_path):
     error = make()
     for whole in (False, True):

@@ -165,7 +165,7 @@ def test_a_constant_clearance_is_no_kink(d, drawn):
 
 
 @pytest.mark.on_ranks("2")
-@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("d", [2, pytest.param(3, marks=pytest.mark.broad)])
 def test_foundation_goes_with_its_body(d, drawn):
     """The block makes room for the gap, downward, and its foundation with it."""
     error = error_of(tilted_pair(d, down=-0.15, gap=0.05, on_foundation=True), d)
@@ -225,7 +225,9 @@ def test_bodies_behind_move_along(drawn):
 
 
 @pytest.mark.on_ranks("2-2", "3-1")
-@pytest.mark.parametrize(("d", "degree"), [(2, 1), (2, 2), (3, 1)])
+@pytest.mark.parametrize(
+    ("d", "degree"), [(2, 1), (2, 2), pytest.param(3, 1, marks=pytest.mark.broad)]
+)
 def test_profile_has_both_sides(d, degree):
     error = error_of(tilted_pair(d, gap=GAPS["parabola"]), d, degree)
     for result in (error, error.solution):
@@ -325,7 +327,7 @@ def test_supports_that_push_bodies_into_each_other_are_told():
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("gap", [-0.02, 0.02])
+@pytest.mark.parametrize("gap", [pytest.param(-0.02, marks=pytest.mark.broad), 0.02])
 def test_body_inside_another_one(gap, drawn):
     """No rigid motion makes room for the gap around it: the inner body has it drawn."""
     domain = tagged(

@@ -42,7 +42,7 @@ from namedmesh.pictures import new_figure
 COMM = MPI.COMM_WORLD
 
 
-@pytest.fixture(scope="module", params=[1, 2])
+@pytest.fixture(scope="module", params=[1, pytest.param(2, marks=pytest.mark.broad)])
 def error(request):
     return measured(
         punch(2)[0], ec.rectangle((0.0, 0.0), (4.0, 1.0), cells=(16, 4)), degree=request.param

@@ -58,7 +58,10 @@ def test_the_verdict_of_a_potential_claims_no_norm_of_errors(first):
     assert "ec.resultant" not in words
 
 
-@pytest.mark.parametrize(("material", "drawn"), [(LAW, True), (ec.Elastic(1e3, 0.3), False)])
+@pytest.mark.parametrize(
+    ("material", "drawn"),
+    [(LAW, True), pytest.param(ec.Elastic(1e3, 0.3), False, marks=pytest.mark.broad)],
+)
 def test_energies_draw_plastic_work_where_there_is_some(material, drawn):
     evolution = ec.evolve(lambda t: scene_at(t, material), plate(0.5), [0.5, 1.0], accuracy=0.5)
     panels = plot_energies(evolution)

@@ -113,7 +113,7 @@ def apart():
     [
         from_lambdas,
         loading,
-        apart,
+        pytest.param(apart, marks=pytest.mark.broad),
         pytest.param(in_space, marks=pytest.mark.broad),
         pytest.param(two_bodies, marks=pytest.mark.broad),
     ],

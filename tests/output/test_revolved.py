@@ -52,7 +52,7 @@ def test_pictures_of_the_half_plane(degree):
         assert curve.get_ydata() == pytest.approx(10.0 * SQUASHED / 2)
 
 
-@pytest.mark.parametrize("draw", [draw_error, draw_deformed])
+@pytest.mark.parametrize("draw", [draw_error, pytest.param(draw_deformed, marks=pytest.mark.broad)])
 def test_mirrored_pictures(draw):
     error = squashed_tube("axisymmetric", 2)
     half, whole = draw(error), draw(error, mirrored=True)
@@ -86,7 +86,7 @@ def test_report_has_no_moments(shared_tmp_path):
         assert axes[-1].get_xlabel() == "r [length]"
 
 
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [1, pytest.param(2, marks=pytest.mark.broad)])
 def test_surface_in_space(degree, shared_tmp_path):
     error = squashed_tube("axisymmetric", degree)
     path = shared_tmp_path / "revolved.vtkhdf"

@@ -65,4 +65,4 @@ def test_the_way_stands_in_the_order_of_imports():
     way = listed()[reading_path.BLOCK]
     assert len(way) > 50
     for number, module in enumerate(way):
-        assert reading_path.IMPORTS[module].isdisjoint(way[number + 1 :]), module
+        assert reading_path.imports()[module].isdisjoint(way[number + 1 :]), module

@@ -66,7 +66,10 @@ def test_the_end_of_a_smooth_contact_lies_inside_a_facet(degree):
 
 
 @pytest.mark.on_ranks("plane-2")
-@pytest.mark.parametrize(("kind", "degree"), [("plane", 1), ("plane", 2), ("rings", 1)])
+@pytest.mark.parametrize(
+    ("kind", "degree"),
+    [pytest.param("plane", 1, marks=pytest.mark.broad), ("plane", 2), ("rings", 1)],
+)
 def test_a_coarse_mesh_finds_the_end_of_a_fine_one(kind, degree):
     coarse, fine = (on_parabola(kind, cells, degree) for cells in (6, 24))
     for result in (coarse, coarse.solution):
@@ -107,7 +110,7 @@ def test_a_strip_has_two_ends_that_mirror_each_other():
     assert np.isclose(area.half_width.margin, strip.margins.mean())
 
 
-@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("d", [2, pytest.param(3, marks=pytest.mark.broad)])
 def test_a_contact_that_is_closed_has_the_area_of_its_part(d):
     push = (0.002,) + (None,) * (d - 2) + (-0.01,)
     for bilateral in (False, True):

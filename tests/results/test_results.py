@@ -94,7 +94,7 @@ def test_force_of_a_solution_is_the_integral_of_its_profile():
     )
 
 
-@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("d", [2, pytest.param(3, marks=pytest.mark.broad)])
 @pytest.mark.parametrize("degree", [1, 2])
 def test_profile_on_a_curved_gap_has_the_force_of_its_method(d, degree):
     """Tractions of Nitsche's method at single points are far from their means there."""
@@ -511,6 +511,7 @@ def test_a_maximum_at_a_sharp_edge_grows():
     assert "meshes" not in repr(history.error.maximum("von Mises"))
 
 
+@pytest.mark.broad
 @pytest.mark.serial
 def test_a_maximum_inside_a_body_does_not_grow():
     """Half a disc on a plane.

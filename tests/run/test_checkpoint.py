@@ -390,7 +390,7 @@ def test_every_changed_byte_is_found(whole):
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("number", [1, 2, 3])
+@pytest.mark.parametrize("number", [1, 2, pytest.param(3, marks=pytest.mark.broad)])
 @pytest.mark.parametrize("damage", ["truncated", "emptied", "removed", "one byte"])
 def test_a_damaged_run_goes_on_from_its_last_good_level(number, damage, whole, tmp_path, caplog):
     folder = shutil.copytree(whole[0], tmp_path / "kept")

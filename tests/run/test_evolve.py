@@ -67,7 +67,9 @@ def whole():
 
 
 @pytest.mark.on_ranks("strategy0")
-@pytest.mark.parametrize("strategy", [ec.Mark(), ec.SizeMap()])
+@pytest.mark.parametrize(
+    "strategy", [ec.Mark(), pytest.param(ec.SizeMap(), marks=pytest.mark.broad)]
+)
 def test_a_curved_body_from_rest(strategy):
     """At rest every error is 100% on every mesh: there is nothing to refine for."""
 
@@ -134,7 +136,7 @@ def test_energy(whole):
 
 
 @pytest.mark.on_ranks("2")
-@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("d", [2, pytest.param(3, marks=pytest.mark.broad)])
 def test_dissipation_of_a_body_that_slides(d):
     """Between two states in which all of it slides the body only moves.
 
@@ -176,7 +178,9 @@ def test_dissipation_is_of_second_order_in_time():
 
 @pytest.mark.on_ranks("augmented")
 @pytest.mark.parametrize(
-    "method", [ec.AugmentedLagrangian(), ec.Nitsche()], ids=["augmented", "Nitsche"]
+    "method",
+    [ec.AugmentedLagrangian(), pytest.param(ec.Nitsche(), marks=pytest.mark.broad)],
+    ids=["augmented", "Nitsche"],
 )
 def test_work_and_dissipation_have_one_slip(method):
     """On one mesh the work of friction is never more than what it dissipates.

@@ -110,7 +110,7 @@ def test_optimal_meshes_are_the_same(d):
     assert meshes[0] == meshes[1]
 
 
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [pytest.param(1, marks=pytest.mark.broad), 2])
 def test_ranks_without_cells_or_contact(degree):
     """Two cells on any number of ranks.
 
@@ -136,7 +136,9 @@ def test_ranks_without_cells_or_contact(degree):
     [
         ec.Elastic(1.0, 0.3),
         ec.Elastic(1.0, 0.3, hypothesis="axisymmetric"),
-        ec.Plastic(1.0, 0.3, yield_stress=0.005, hardening=0.05),
+        pytest.param(
+            ec.Plastic(1.0, 0.3, yield_stress=0.005, hardening=0.05), marks=pytest.mark.broad
+        ),
         ec.Plastic(1.0, 0.3, 0.005, 0.05, hypothesis="axisymmetric"),
     ],
     ids=["plane", "rings", "plastic", "plastic rings"],
@@ -160,7 +162,7 @@ def held_along(material):
     return [] if material.hypothesis == "axisymmetric" else [ec.Symmetry("left")]
 
 
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [pytest.param(1, marks=pytest.mark.broad), 2])
 def test_friction_that_vanishes_at_an_edge(degree):
     """Friction that varies in space, zero on one edge, where both the bound and the traction are round-off."""
     scene = ec.Scene(
@@ -176,7 +178,7 @@ def test_friction_that_vanishes_at_an_edge(degree):
     assert eps[0] == pytest.approx(eps[1], rel=1e-10)
 
 
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [pytest.param(1, marks=pytest.mark.broad), 2])
 @pytest.mark.parametrize("d", [2, 3])
 def test_data_that_jump_between_facets(d, degree):
     """A node has the values of several facets, of which none is the last on all ranks."""

@@ -1006,7 +1006,7 @@ class Flat:
         return 0.002
 
 
-@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degree", [1, pytest.param(2, marks=pytest.mark.broad)])
 def test_law_whose_bound_is_a_number(degree, block):
     push = [ec.Displacement("top", (0.01, -0.01))]
     eps = []
@@ -1069,7 +1069,9 @@ def own_stiffness(entries):
     return type("Own", (), members)()
 
 
-@pytest.mark.parametrize("factor", [1.0, 2e11, lambda x: 1e-6 * (1.0 + x[0])])
+@pytest.mark.parametrize(
+    "factor", [1.0, pytest.param(2e11, marks=pytest.mark.broad), lambda x: 1e-6 * (1.0 + x[0])]
+)
 def test_stiffness_that_is_not_symmetric_or_not_positive(factor, block):
     good = [[1.3, 0.4, 0.1], [0.4, 1.1, 0.0], [0.1, 0.0, 0.9]]
     skew = [[1.3, 0.4, 0.1], [0.3, 1.1, 0.0], [0.1, 0.0, 0.9]]
