@@ -116,10 +116,14 @@ def test_one_cell_is_as_good_as_two(cells, degree, given):
 @pytest.mark.ranks
 @pytest.mark.parametrize("degree", [pytest.param(1, marks=pytest.mark.broad), 2])
 def test_ranks_see_the_same_copies(degree):
-    """A corner of four copies whose cells are on different ranks."""
+    """A corner of four copies whose cells are on different ranks.
+
+    The steps of a law that yields end on digits that depend on the sums of ranks. A cell
+    that is missing changes e by percents.
+    """
     yields = ec.Plastic(modulus, 0.3, yield_stress=0.008, hardening=0.1)
     errors = []
     for comm in (MPI.COMM_SELF, COMM):
         scene, domain = cell_of((4, 3), material=yields, comm=comm)
         errors.append(certified(scene, domain, AUGMENTED, degree).absolute)
-    assert np.isclose(*errors, rtol=1e-7, atol=0.0)
+    assert np.isclose(*errors, rtol=1e-6, atol=0.0)
