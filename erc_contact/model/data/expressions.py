@@ -267,8 +267,9 @@ class OfNumbers:
         if self._code is not None:
             return self._code(numbers, count).reshape(count, self._size)
         columns = [numbers[terminal] for terminal in self.numbers]
-        # The numbers of a law are a table already, which is not copied.
-        rows = columns[0] if len(columns) == 1 else np.hstack(columns)
+        # The numbers of a law are a table already, which is not copied. The tangent of
+        # a linear law has none.
+        rows = columns[0] if len(columns) == 1 else np.hstack([np.zeros((count, 0)), *columns])
         rows = np.ascontiguousarray(rows, dtype=np.float64)
         constants = np.zeros(0)
         if self._constants:
