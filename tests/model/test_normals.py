@@ -268,7 +268,6 @@ def test_e_bounds_both_errors(law, degree):
     assert error.absolute < 2.0 * true.both
 
 
-@pytest.mark.broad
 @pytest.mark.serial
 def test_a_damaged_turn_is_refused(monkeypatch):
     """Whoever bends a traction out of its cone is told by the pair."""

@@ -330,7 +330,6 @@ def test_a_cut_that_ends_inside_is_refused():
     refused(lambda: ec.solve(scene, domain), "ends inside the body", "whole section")
 
 
-@pytest.mark.broad
 def test_a_pull_above_the_force_is_told():
     """A bolt has at least the force of what pulls at it, however far it is let apart."""
     scene = joint(2, pull=8.0, force=FORCE)
