@@ -96,8 +96,8 @@ if half_disc.comm.rank == 0:
 
 # %%
 # What must hold: the half-width is within its margin; by the second moment it is within
-# 1%, as the peak is, by a certified 1.5% and far fewer than 5000 elements; pressure ends
-# where the closed form says, up to a facet; the disc is symmetric.
+# 1%, as the peak is, by a certified 1.5% and far fewer than 5000 elements; pressure
+# ends where the closed form says, up to a facet; the disc is symmetric.
 
 assert history.reached
 assert history.steps[-1].cells < 5000
