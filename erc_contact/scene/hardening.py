@@ -33,6 +33,12 @@ SAMPLES = 4000
 """Number of plastic strains at which a function is sampled."""
 ROUND_OFF = 1e-12
 """Share of a quarter of a rise by which a bulge may be beyond it [-]."""
+MOST_BENT = 0.999
+"""Greatest bulge of a law, over the bulge with the least slope at an end [-].
+
+So the slope at an end is at least 1/2000 of the slope at the other end, and the square
+of a slope whose root the flow takes (:mod:`erc_contact.scene.flow`) keeps nine digits.
+"""
 FIRST_SAMPLE = 1e-7
 """Least plastic strain of these above zero, over the greatest [-]."""
 
@@ -157,7 +163,7 @@ class HardeningCurve(Hardening):
         given = np.array(self.stress)
         above = np.maximum.accumulate(given - least)
         raised = np.where(above > given - least, above + least, given)
-        most = np.maximum(np.diff(raised - least), 0.0) / 4
+        most = MOST_BENT * np.maximum(np.diff(raised - least), 0.0) / 4
         bulge = np.clip(self.bulge, -most, most)
         return HardeningCurve(self.plastic_strain, raised.tolist(), bulge.tolist())
 

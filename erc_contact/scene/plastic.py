@@ -17,13 +17,7 @@ import ufl
 
 from erc_contact.base.exceptions import InputError
 from erc_contact.base.ufl_types import Ufl, Value
-from erc_contact.scene.flow import (
-    Flow,
-    Point,
-    flow,
-    least_slope,
-    yield_stress_at,
-)
+from erc_contact.scene.flow import Flow, Point, flow, least_slope, yield_stress_at
 from erc_contact.scene.hardening import Hardening, HardeningCurve, Swift, Voce
 from erc_contact.scene.material import (
     AXISYMMETRIC,
