@@ -22,6 +22,7 @@ from erc_contact.admissible.macro import macro_points
 from erc_contact.admissible.pair import Admissible
 from erc_contact.error.hidden import hidden_by_data
 from erc_contact.error.laws import UNKNOWN_SHARE, LawError
+from erc_contact.model.data.expressions import definite_inverses
 from erc_contact.model.data.quadrature import INSET, cell_pieces, integrate
 from erc_contact.model.law.point_law import PointLaw
 from erc_contact.model.law.potential import ConvexConstitution
@@ -197,7 +198,7 @@ class _LinearLaws:
         whole_tangent = law.whole_tangent(self._strain, x, owned)[:, 0]
         self._stress = whole_stress[..., :size]
         self._tangent = whole_tangent[:, :size, :size]
-        self._metric = np.linalg.inv(self._tangent)
+        self._metric = definite_inverses(self._tangent)
         self._rest = law.strain_at_rest(x, owned)
         if law.is_plane:
             self._normal = whole_stress[:, 0, -1:]

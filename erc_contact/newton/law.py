@@ -37,6 +37,7 @@ from erc_contact.base.exceptions import NotConverged
 from erc_contact.base.logs import log_of
 from erc_contact.base.progress import at
 from erc_contact.model.carrying import carry_displacement
+from erc_contact.model.data.expressions import definite_inverses
 from erc_contact.model.data.values import DATA_DEGREE
 from erc_contact.model.model import Model
 from erc_contact.newton.contact_solve import Solver, solution_of
@@ -198,7 +199,7 @@ class _Change:
         self._strain = linearised.strain_at(*places)
         self._step = linearised.strain_of(u)(*places) - self._strain
         self._tangent = linearised.tangent_at(*places)
-        self._metric = np.linalg.inv(self._tangent)
+        self._metric = definite_inverses(self._tangent)
         self._stress = self._law.stress(self._strain, *places) + self._of_tangent(self._step)
 
     def misfit(self) -> tuple[float, float]:

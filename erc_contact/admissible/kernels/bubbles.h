@@ -77,24 +77,46 @@ INLINE void solve_definite(int N, lanes *A, lanes *x)
   }
 }
 
-/* Energy matrix of the bubbles: from the one metric of a cell, or from those at its Q points. */
-INLINE void bubble_energy(const int s, int Q, int varies, int count, const double *bubbles, const double *products,
+/* Points whose energies are summed at once, so that the strains there stay in the cache; rows and columns of a tile. */
+enum { AT_ONCE = 4, TILE = 3, MOST_FUNCTIONS = 72 + BUBBLES };
+
+/* Products of some columns (N, K) and the rows of a table (K, N), added to lower triangles row by row; N is a multiple of
+   TILE. */
+INLINE void add_products(int N, int K, const lanes *columns, const double *table, lanes *A)
+{
+  for (int x = 0; x < N; x += TILE)
+    for (int y = 0; y <= x; y += TILE) {
+      lanes sum[TILE][TILE] = {{{0}}};
+      for (int k = 0; k < K; ++k)
+        for (int i = 0; i < TILE; ++i)
+          for (int j = 0; j < TILE; ++j)
+            sum[i][j] += columns[(x + i) * K + k] * table[k * N + y + j];
+      for (int i = 0; i < TILE; ++i)
+        for (int j = 0; j < TILE && y + j <= x + i; ++j)
+          A[(x + i) * (x + i + 1) / 2 + y + j] += sum[i][j];
+    }
+}
+
+/* Energy matrix of some stresses, as of bubbles: from the one metric of a cell, or from those at its Q points. */
+INLINE void energy_matrix(const int s, int Q, int varies, int count, const double *functions, const double *products,
                           const lanes *metric, lanes *A)
 {
   const int t = s * (s + 1) / 2;
   memset(A, 0, count * (count + 1) / 2 * sizeof(lanes));
   if (!varies)
     matrix_times(count * (count + 1) / 2, t, products, metric, A);
-  for (int q = 0; q < Q && varies; ++q)
-    for (int x = 0; x < count; ++x) {
-      lanes bubble[6], dual[6];
-      for (int a = 0; a < s; ++a)
-        bubble[a] = bubbles[(q * s + a) * count + x] * ONE;
-      metric_times(s, metric + q * t, bubble, dual);
-      for (int y = 0; y <= x; ++y)
+  for (int first = 0; first < Q && varies; first += AT_ONCE) {
+    const int here = Q - first < AT_ONCE ? Q - first : AT_ONCE;
+    lanes strain[MOST_FUNCTIONS * AT_ONCE * 6];
+    for (int x = 0; x < count; ++x)
+      for (int q = 0; q < here; ++q) {
+        lanes stress[6];
         for (int a = 0; a < s; ++a)
-          A[x * (x + 1) / 2 + y] += bubbles[(q * s + a) * count + y] * dual[a];
-    }
+          stress[a] = functions[((first + q) * s + a) * count + x] * ONE;
+        metric_times(s, metric + (first + q) * t, stress, strain + (x * here + q) * s);
+      }
+    add_products(count, here * s, strain, functions + first * s * count, A);
+  }
 }
 
 /* Strains of stresses (Q, s), weighted. */
@@ -121,7 +143,7 @@ INLINE void amounts(const int groups, const int s, int Q, int varies, int count,
     matrix_times_groups(count, Q * s, transposed, dual, amount);
   for (int g = 0; g < groups; ++g) {
     lanes A[BUBBLES * (BUBBLES + 1) / 2];
-    bubble_energy(s, Q, varies, count, bubbles, products, metric[g], A);
+    energy_matrix(s, Q, varies, count, bubbles, products, metric[g], A);
     solve_definite(count, A, amount[g]);
   }
 }

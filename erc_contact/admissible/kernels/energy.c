@@ -103,7 +103,7 @@ INLINE void offsets(const int d, int b, const double *of_mean, const int *start,
   spread(s, Q, start, column, value, deviation, it->stress);
 }
 
-INLINE double energy(const int d, int m, long long cells, const double *edges, const int *facets,
+INLINE double energy(const int d, int m, long long begin, long long cells, const double *edges, const int *facets,
                      const long long *side, const double *compliance, int varies, int points,
                      const double *facet_map, int Q, const int *start, const int *column, const double *value,
                      const int *back_start, const int *back_column, const double *back_value,
@@ -128,7 +128,7 @@ INLINE double energy(const int d, int m, long long cells, const double *edges, c
     dual[g] = work[g].dual;
     added[g] = work[g].added;
   }
-  for (long long first = 0; first < cells; first += GROUPS * LANES) {
+  for (long long first = begin; first < cells; first += GROUPS * LANES) {
     for (int g = 0; g < GROUPS; ++g) {
       group *it = work + g;
       lanes given[POINTS][6], inside[FORCES] = {{0}};
@@ -206,7 +206,7 @@ INLINE double energy(const int d, int m, long long cells, const double *edges, c
   return result;
 }
 
-double macro_energy(int m, long long cells, const double *edges, const int *facets, const long long *side,
+double macro_energy(int m, long long begin, long long cells, const double *edges, const int *facets, const long long *side,
                     const double *compliance, int varies, int points, const double *facet_map, int Q,
                     const int *start, const int *column, const double *value, const int *back_start,
                     const int *back_column, const double *back_value, const int *weight_start,
@@ -216,7 +216,7 @@ double macro_energy(int m, long long cells, const double *edges, const int *face
                     const double *elastic_value, int forces, const double *force, const double *body,
                     const double *x, double *y)
 {
-  return energy(DIMENSION, m, cells, edges, facets, side, compliance, varies, points, facet_map, Q, start, column, value,
+  return energy(DIMENSION, m, begin, cells, edges, facets, side, compliance, varies, points, facet_map, Q, start, column, value,
                 back_start, back_column, back_value, weight_start, weight_column, weight, count, bubbles, transposed,
                 products, b, elastic, of_mean, elastic_start, elastic_column, elastic_value, forces, force, body, x, y);
 }

@@ -21,9 +21,9 @@ int apply_patches(int m, long long patches, const int *ring, const int *size, co
                   const long long *side, const int *factor, const float *unit, const double *scale, const double *r,
                   double *z);
 
-/* tighten/complementary.py: returns the energy of the cells, and adds half its derivative to y. A sparse matrix is three
-   arrays: start, column, value. */
-double macro_energy(int m, long long cells, const double *edges, const int *facets, const long long *side,
+/* tighten/complementary.py: returns the energy of the cells from this one on, and adds half its derivative to y. A sparse
+   matrix is three arrays: start, column, value. */
+double macro_energy(int m, long long begin, long long cells, const double *edges, const int *facets, const long long *side,
                     const double *compliance, int varies, int points, const double *facet_map, int Q,
                     const int *start, const int *column, const double *value, const int *back_start,
                     const int *back_column, const double *back_value, const int *weight_start,
@@ -32,6 +32,16 @@ double macro_energy(int m, long long cells, const double *edges, const int *face
                     const double *of_mean, const int *elastic_start, const int *elastic_column,
                     const double *elastic_value, int forces, const double *force, const double *body,
                     const double *x, double *y);
+
+/* tighten/complementary.py: the energies of the moments of the first cells, as matrices of 30 binary digits, lower
+   triangles row by row, and the roots of their diagonals; some cells side by side. */
+int energy_matrices(int m, long long cells, const double *edges, const int *facets, const long long *side,
+                    const double *compliance, int varies, int points, int Q, int count, const double *functions,
+                    const double *products, int *matrix, double *scale);
+
+/* tighten/complementary.py: returns the energy of these cells, and adds half its derivative to y. */
+double matrix_energy(int m, long long cells, const int *facets, const int *matrix, const double *scale,
+                     const double *x, double *y);
 
 /* tighten/complementary.py: adds to sigma (cells, nodes, s) the bubbles that bring it nearest to an elastic stress. */
 void relax_stresses(int nodes, long long cells, const double *edges, const double *compliance, int varies,

@@ -63,8 +63,10 @@ class MacroTable:
             d).
         bubbles: Stresses without tractions and divergence, shape (Q s, number).
         transposed: The same, shape (number, Q s).
-        products: Their energies for each entry a <= b of a metric, shape (number
-            (number + 1)/2, s (s + 1)/2).
+        functions: These, and beside them the stresses of hierarchical moments, shape
+            (Q s, N).
+        products: Their energies for each entry a <= b of a metric, a lower triangle row
+            by row, shape (N (N + 1)/2, s (s + 1)/2).
         nodal: From values at the nodes of the sub-simplices, (d+1, N_k) in one.
         from_points: From values at the points of :func:`macro_points`.
 
@@ -84,6 +86,7 @@ class MacroTable:
     body: np.ndarray
     bubbles: np.ndarray
     transposed: np.ndarray
+    functions: np.ndarray
     products: np.ndarray
     nodal: Sparse
     from_points: np.ndarray
@@ -140,8 +143,9 @@ def macro_table(d: int, k: int, at_points: bool) -> MacroTable:
     else:
         nodal = np.linalg.pinv(spread)
     matrix = stress.reshape(len(stress) * s, -1)
-    products = np.einsum("qax,qr,rby->xyab", bubble, weights, bubble, optimize=True)
-    products = upper_entries(products)
+    inputs = np.kron(np.eye(d + 1), np.kron(_to_coefficients(d, k), np.eye(d)))
+    bubble = bubble.reshape(len(matrix), -1)
+    functions = np.hstack([bubble, matrix @ inputs])
     return MacroTable(
         count=len(stress),
         to_coefficients=_to_coefficients(d, k),
@@ -149,12 +153,27 @@ def macro_table(d: int, k: int, at_points: bool) -> MacroTable:
         back=Sparse.from_matrix(matrix.T),
         weights=Sparse.from_matrix(weights),
         body=np.ascontiguousarray(body),
-        bubbles=np.ascontiguousarray(bubble.reshape(len(matrix), -1)),
-        transposed=np.ascontiguousarray(bubble.reshape(len(matrix), -1).T),
-        products=np.ascontiguousarray(products[np.tril_indices(bubble.shape[2])]),
+        bubbles=np.ascontiguousarray(bubble),
+        transposed=np.ascontiguousarray(bubble.T),
+        functions=functions,
+        products=_products(functions.reshape(len(stress), s, -1), weights),
         nodal=Sparse.from_matrix(nodal),
         from_points=from_points,
     )
+
+
+def _products(functions: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Return energies of stresses for each entry of a metric, see :class:`MacroTable`.
+
+    Args:
+        functions: Stresses, shape (Q, s, N).
+        weights: Products of the nodal functions, shape (Q, Q).
+    """
+    count, s, size = functions.shape
+    columns = functions.reshape(count, -1)
+    products = (columns.T @ weights @ columns).reshape(s, size, s, size)
+    row, column = np.tril_indices(size)
+    return np.ascontiguousarray(upper_entries(products[:, row, :, column]))
 
 
 class ElasticTable(NamedTuple):

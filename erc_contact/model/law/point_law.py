@@ -16,7 +16,7 @@ import numpy as np
 import ufl
 
 from erc_contact.base.ufl_types import Ufl
-from erc_contact.model.data.expressions import OfNumbers
+from erc_contact.model.data.expressions import OfNumbers, definite_inverses
 from erc_contact.model.data.ranges import Ranges, ranges_of
 from erc_contact.model.data.symbolic import varies_in_cells
 from erc_contact.model.law.law_code import LawKind, law_code
@@ -315,7 +315,7 @@ class PointLaw:
         """
         numbers = self._numbers_at(np.zeros_like(stress), x, cells)
         sigma = stress.reshape(len(numbers), len(self.rows))
-        metric = np.linalg.inv(self._tangents(numbers))
+        metric = definite_inverses(self._tangents(numbers))
         twice_share = 2 * np.broadcast_to(self.convexity(x, cells), stress.shape[:2]).ravel()
         beside = np.broadcast_to(search.beside, stress.shape[:2]).ravel()
         numbers[:, self.rows] = np.broadcast_to(search.strain, stress.shape).reshape(sigma.shape)

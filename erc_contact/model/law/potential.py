@@ -29,6 +29,7 @@ from dolfinx import fem
 
 from erc_contact.base.runtime import compiled
 from erc_contact.base.ufl_types import Ufl
+from erc_contact.model.data.expressions import definite_inverses
 from erc_contact.model.law.constitution import Constitution, ElasticMatrix, StrainField
 from erc_contact.model.law.law_code import Derivatives
 from erc_contact.model.law.law_state import LawState
@@ -297,7 +298,7 @@ class TangentMatrix(ElasticMatrix):
         if not self.varies_in_cells:
             x = x[:, :1]
         tangent = self._linearised.tangent_at(x, cells)
-        return np.linalg.inv(tangent) if self._inverse else tangent
+        return definite_inverses(tangent) if self._inverse else tangent
 
 
 class ConvexConstitution(Constitution):

@@ -1,6 +1,9 @@
-/* The kernels of compiled expressions. Python reads these lines, too. Arrays are contiguous. */
+/* The kernels of values at points. Python reads these lines, too. Arrays are contiguous. */
 
 /* expressions.py: evaluates an expression that FFCx has compiled, by its address, at points: values (n, size) of numbers
    (n, width) and constants. It adds to the values. */
 void at_points(long long tabulate, int n, int size, double *values, int width, const double *numbers,
                const double *constants);
+
+/* expressions.py: replaces symmetric definite matrices (n, s, s) by their inverses. */
+void invert_definite(long long n, int s, double *matrices);

@@ -14,3 +14,22 @@ void at_points(long long tabulate, int n, int size, double *values, int width, c
     for (int i = 0; i < n; i++)
         at(values + (size_t)i * size, numbers + (size_t)i * width, constants, NULL, NULL, NULL, NULL);
 }
+
+/* In place, by Gauss and Jordan. Definite matrices need no other pivots. */
+void invert_definite(long long n, int s, double *matrices)
+{
+    for (double *A = matrices; A < matrices + n * s * s; A += s * s)
+        for (int k = 0; k < s; k++) {
+            const double pivot = 1.0 / A[k * s + k];
+            A[k * s + k] = 1.0;
+            for (int j = 0; j < s; j++)
+                A[k * s + j] *= pivot;
+            for (int i = 0; i < s; i++) {
+                const double factor = i == k ? 0.0 : A[i * s + k];
+                if (i != k)
+                    A[i * s + k] = 0.0;
+                for (int j = 0; j < s; j++)
+                    A[i * s + j] -= factor * A[k * s + j];
+            }
+        }
+}
