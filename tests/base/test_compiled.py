@@ -102,6 +102,34 @@ def test_forms_have_the_same_key_if_ufl_signs_them_alike():
         assert len(set(column)) == len(first)
 
 
+def test_parts_of_one_content_are_one_part():
+    """Whether they are one object or two, as parts of an expression that UFL has kept are."""
+    mesh = block(2).mesh
+    x = ufl.SpatialCoordinate(mesh)
+
+    def root():
+        return ufl.sqrt(1.0 + ufl.inner(x, x))
+
+    one = root()
+    shared, apart, other = (
+        total * ufl.dx(mesh) for total in (one * (2.0 + one), root() * (2.0 + root()), one + one)
+    )
+    assert _key(shared, None, None) == _key(apart, None, None)
+    assert _key(shared, None, None) != _key(other, None, None)
+
+
+@pytest.mark.serial
+def test_a_second_plastic_body_compiles_nothing():
+    law = ec.Plastic(E=1.0, nu=0.3, yield_stress=0.004, hardening=0.05)
+    down = ec.Displacement("top", (0.0, -0.01))
+    known = []
+    for _ in range(2):
+        domain = ec.rectangle((0.0, 0.0), (2.0, 1.0), cells=(4, 2))
+        ec.solve(ec.Scene(law, down, contacts=ec.Contact("bottom", friction=0.3)), domain)
+        known.append(len(compiled._known))
+    assert known[1] == known[0]
+
+
 def test_keys_know_the_element_of_the_mesh():
     """Also where nothing in the form has it but the measure."""
     meshes = [block(2).mesh, ec.box((0.0, 0.0, 0.0), (1.0, 1.0, 1.0), cells=(1, 1, 1)).mesh]

@@ -224,31 +224,40 @@ def _structure(roots: Sequence[Ufl], integrals: Sequence[Ufl]) -> Any:
     """Return expressions as tuples of numbers and words, the same on all meshes.
 
     They hold all that UFL's signature holds: the kind and the operands of each node,
-    what UFL signs of a terminal, and the data of the integrals. A node is followed by
-    its operands; one that was met before is its place, below zero. Nodes are known by
-    their identity here, not by their content, which is quick. So a form that is built
-    in another way may have another structure with the same signature: it is looked for
-    once more.
+    what UFL signs of a terminal, and the data of the integrals. Nodes of one content
+    have one number, whether they are one object or several: of an expression that UFL
+    has kept a part may be an object that it was not when it was made first. Only where
+    such parts have free indices or labels of their own, a form has another structure
+    with the same signature: it is looked for once more.
 
     Args:
         roots: The expressions.
         integrals: How each is integrated.
     """
     numbers = _Numbers()
-    nodes: list[Any] = []
-    places: dict[int, int] = {}
+    nodes: dict[tuple[Any, ...], int] = {}
+    number_of: dict[int, int] = {}
+    begun: set[int] = set()
     todo = list(roots)
     while todo:
         node = todo.pop()
-        if id(node) in places:
-            nodes.append(~places[id(node)])
+        if id(node) in number_of:
             continue
-        places[id(node)] = len(places)
         operands = node.ufl_operands
-        nodes += node._ufl_typecode_, len(operands) or numbers.signature_of(node)
-        todo += operands
+        if not operands:
+            content = node._ufl_typecode_, numbers.signature_of(node)
+        elif id(node) not in begun:
+            # It comes back after its operands.
+            begun.add(id(node))
+            todo.append(node)
+            todo += operands
+            continue
+        else:
+            content = node._ufl_typecode_, *[number_of[id(operand)] for operand in operands]
+        number_of[id(node)] = nodes.setdefault(content, len(nodes))
+    of_roots = [number_of[id(root)] for root in roots]
     measures = [_measure(integral, numbers) for integral in integrals]
-    return tuple(nodes), repr(measures), numbers.in_order()
+    return tuple(nodes), tuple(of_roots), repr(measures), numbers.in_order()
 
 
 def _measure(integral: Ufl, numbers: _Numbers) -> tuple[Any, ...]:
