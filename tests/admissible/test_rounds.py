@@ -102,8 +102,10 @@ def test_rounds_lower_e(kind, degree, monkeypatch):
     ],
 )
 def test_rounds_come_near_the_least_e(kind, hardening, near, monkeypatch):
-    """As fifty rounds with all their iterations find it: where a curve of hardening
-    falls, and where a body hardly hardens, whole steps go too far."""
+    """As fifty rounds with all their iterations find it.
+
+    Where a curve of hardening falls, or a body hardly hardens, whole steps go too far.
+    """
     law = ec.Plastic(E=1.0, nu=0.3, hardening=hardening)
     solution = body(kind, law, 3 if kind == "3" else 8, degree=2)
     few = ec.constitutive_error(ec.equilibrate(solution))
