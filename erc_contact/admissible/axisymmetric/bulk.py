@@ -50,7 +50,14 @@ def axisymmetric_bulk(given: Reconstruction) -> BulkStress:
 
     def tighten(forces: np.ndarray, law: CellLaw, ending: Ending) -> Tight:
         energies = energies_of(law)
-        forces, done, square = tighten_forces(model.space, elements, energies, forces, free, ending)
+        # Patches take the mean of the moduli of a cell: of ghosts no more is known.
+        of_means = energies
+        if law.compliance.shape[1] > 1:
+            mean = law.compliance.mean(axis=1, keepdims=True)
+            of_means = energies_of(law._replace(compliance=mean))
+        forces, done, square = tighten_forces(
+            model.space, elements, energies, of_means.matrix, forces, free, ending
+        )
         return replace(balanced(forces, energies), iterations=done, square=square)
 
     to_moments = mass(1, cells.degree, cells.degree)

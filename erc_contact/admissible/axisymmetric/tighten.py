@@ -37,6 +37,7 @@ def tighten_forces(
     space: Space,
     elements: Elements,
     energies: CellEnergies,
+    of_patches: np.ndarray,
     forces: np.ndarray,
     free: np.ndarray,
     ending: Ending,
@@ -47,6 +48,8 @@ def tighten_forces(
         space: The mesh.
         elements: The cells.
         energies: Their energies ``|S - C eps(u^)|^2``.
+        of_patches: Energies for the patches, as ``matrix`` of :class:`CellEnergies`,
+            the same on all ranks.
         forces: Coefficients of ``|F| t`` on the first side of each facet [force], shape
             (F, m, 2).
         free: Coefficients that are not given, shape (F, m, 2).
@@ -62,7 +65,7 @@ def tighten_forces(
     square, slope = energy.start(forces)
     square = space.comm.allreduce(square, MPI.SUM)
     residual = shared.total(-slope)
-    patches = _Patches(space, cells, energies.matrix, free)
+    patches = _Patches(space, cells, of_patches, free)
     x = np.zeros_like(forces)
 
     def precondition(r: np.ndarray) -> np.ndarray:

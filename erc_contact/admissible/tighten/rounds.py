@@ -121,7 +121,7 @@ def tightened_in_rounds(
         new = replace(new, iterations=best.iterations + new.iterations)
         before = gap
         for share in SHARES:
-            tried = new if share == 1.0 else _between(best, new, share)
+            tried = new if share == 1.0 else _stress_between(best, new, share)
             again, gap = about(tried.stress)
             if gap < before:
                 break
@@ -135,20 +135,20 @@ def tightened_in_rounds(
     return replace(best, square=gap)
 
 
-def _between(one: Tight, other: Tight, share: float) -> Tight:
-    """Return the stress at a share of the way from one stress to another one.
+def _stress_between(start: Tight, end: Tight, share: float) -> Tight:
+    """Return the stress at a share of the way from a stress to another stress.
 
-    It has the iterations of the other stress, and no bound of a gap.
+    It has the iterations of the end, and no bound of its gap.
     """
 
-    def at_share(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-        return np.asarray(start + share * (end - start))
+    def moved(before: np.ndarray, after: np.ndarray) -> np.ndarray:
+        return np.asarray(before + share * (after - before))
 
     return Tight(
-        moment=at_share(one.moment, other.moment),
-        forces=at_share(one.forces, other.forces),
-        stress=at_share(one.stress, other.stress),
-        iterations=other.iterations,
+        moment=moved(start.moment, end.moment),
+        forces=moved(start.forces, end.forces),
+        stress=moved(start.stress, end.stress),
+        iterations=end.iterations,
     )
 
 
