@@ -61,7 +61,8 @@ FARTHEST = 5e9
 """Length of a Newton step, over the state's, of a tangent that is singular [-].
 
 Where it leads, the round-off of forces that cancel is more than any residual that
-counts as solved. The longest step of an attempt that converged was 1e3 in 7190.
+counts as solved. Steps of attempts that converge were at most 4e4, of bodies 300 times
+as long as thick.
 """
 PULL_FOR_EVER = "softer springs pull no less"
 """Why an attempt by proximal steps ends where springs alone hold a motion."""
@@ -333,7 +334,8 @@ class _StoppingTest:
     """Test the convergence of one attempt, for SNES.
 
     An attempt converges at round-off or when it is accurate enough. It diverges when
-    the contact status repeats itself, or stands still without a solution.
+    the contact status repeats itself, or stands still without a solution, and before a
+    step that is too long.
 
     Attributes:
         reason: Why it ended, or "" if PETSc's reason says it.
