@@ -321,8 +321,8 @@ def solve_in_turn(
             following = problems.send(pull)
         except StopIteration:
             following = None
-    if outcome.converged and shares.springs > 0.0:
-        # The sequence ended before the problem without springs, which is the scene's.
+    if outcome.converged and shares != Shares():
+        # The sequence ended before the scene's problem, which has no springs.
         outcome = replace(outcome, converged=False, reason=PULL_FOR_EVER, residual=np.inf)
     contacts = problem.counts(state) if friction > 1.0 else ()
     problem.set_shares(1.0, 1.0)
