@@ -342,26 +342,26 @@ def _proximal_problems() -> Generator[Shares, float | None, None]:
     """Generate problems with softer and softer springs, at last without.
 
     After a problem without solution the springs are stiffer again, and the last state
-    comes nearer to the solution, unless the softest springs pulled no less than springs
-    before. It is sent the pull of the springs, None after a problem without solution.
+    comes nearer to the solution. It ends where the softest springs pull no less than
+    springs before: without them nothing would hold what they hold. It is sent the pull
+    of the springs, None after a problem without solution.
     """
     weight = STIFFEST
     failures = 0
     pulls: list[float] = []
     while failures <= PROXIMAL_FAILURES:
         pull = yield Shares(springs=weight)
-        if pull is not None:
-            if weight == 0.0:
-                return
-            pulls.append(pull)
-            # Round-off in powers of the factor does not matter.
-            weight = SOFTER * weight if weight > 2 * SOFTEST else 0.0
-        elif weight == 0.0 and _pulls_for_ever(pulls):
-            return
-        else:
+        # Round-off in powers of the factor does not matter.
+        is_softest = weight <= 2 * SOFTEST
+        if pull is None:
             failures += 1
             weight = STIFFER_AGAIN * max(weight, SOFTEST)
             pulls.clear()
+            continue
+        pulls.append(pull)
+        if weight == 0.0 or (is_softest and _pulls_for_ever(pulls)):
+            return
+        weight = 0.0 if is_softest else SOFTER * weight
 
 
 def _pulls_for_ever(pulls: list[float]) -> bool:

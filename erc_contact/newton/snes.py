@@ -57,6 +57,17 @@ ASTRAY = 1e5
 """Growth of the residual over the first one from which no state comes back [-]."""
 NEARER = 0.5
 """Fall of the residual in so many steps that counts as nearer [-]."""
+FARTHEST = 5e9
+"""Length of a Newton step, over the state's, of a tangent that is singular [-].
+
+Where it leads, the round-off of forces that cancel is more than any residual that
+counts as solved. Steps of attempts that converge were at most 4e4, of bodies 300 times
+as long as thick.
+"""
+PULL_FOR_EVER = "softer springs pull no less"
+"""Why an attempt by proximal steps ends where springs alone hold a motion."""
+SINGULAR_TANGENT = "singular tangent"
+"""Why an attempt ends where nothing holds a motion; another start may hold it."""
 ROUND_OFF_HIDES = "round-off of the stiffest body hides the contact forces"
 """Reason of an attempt whose residual is round-off, but is not small [-]."""
 
@@ -224,6 +235,7 @@ def attempt(
     snes.getLineSearch().setType(step.line_search)
     test = _StoppingTest(problem, tolerance, hurried=step.hurried)
     snes.setConvergenceTest(test)
+    snes.setLineSearchPreCheck(test.look_ahead)
     snes.setFromOptions()
     try:
         snes.solve(None, x)
@@ -234,10 +246,9 @@ def attempt(
     except PETSc.Error as failure:
         if failure.ierr not in (ZERO_PIVOT, LIBRARY):
             raise
-        # With the status of the last state nothing holds a motion; another start may.
         code = -1
         norm = np.inf
-        reason = "singular tangent"
+        reason = SINGULAR_TANGENT
     counts = problem.status(x).counts
     outcome = Outcome(
         converged=test.is_solved and code > 0 and bool(np.isfinite(norm)),
@@ -292,8 +303,9 @@ def solve_in_turn(
     steps = 0
     friction = 0.0
     problems = step.problems()
-    shares: Shares | None = next(problems)
-    while shares is not None:
+    following: Shares | None = next(problems)
+    while following is not None:
+        shares = following
         problem.set_shares(shares.friction, shares.gap)
         problem.hold(shares.springs, state)
         last, outcome = solve(state, step)
@@ -306,9 +318,12 @@ def solve_in_turn(
             state = last
         # By the pull the sequence tells whether softer springs still change the state.
         try:
-            shares = problems.send(pull)
+            following = problems.send(pull)
         except StopIteration:
-            shares = None
+            following = None
+    if outcome.converged and shares != Shares():
+        # The sequence ended before the scene's problem, which has no springs.
+        outcome = replace(outcome, converged=False, reason=PULL_FOR_EVER, residual=np.inf)
     contacts = problem.counts(state) if friction > 1.0 else ()
     problem.set_shares(1.0, 1.0)
     problem.hold(0.0, state)
@@ -319,7 +334,8 @@ class _StoppingTest:
     """Test the convergence of one attempt, for SNES.
 
     An attempt converges at round-off or when it is accurate enough. It diverges when
-    the contact status repeats itself, or stands still without a solution.
+    the contact status repeats itself, or stands still without a solution, and before a
+    step that is too long.
 
     Attributes:
         reason: Why it ended, or "" if PETSc's reason says it.
@@ -349,6 +365,8 @@ class _StoppingTest:
     ) -> PETSc.SNES.ConvergedReason:
         """Return PETSc's reason to end, or to go on, at one step."""
         reasons = PETSc.SNES.ConvergedReason
+        if self.reason:
+            return reasons.DIVERGED_INNER
         norm = norms[2]
         if not np.isfinite(norm):
             return not_a_number()
@@ -374,6 +392,17 @@ class _StoppingTest:
         else:
             self.reason = self._goes_astray(x, step, norm)
         return reasons.DIVERGED_INNER if self.reason else reasons.ITERATING
+
+    def look_ahead(self, x: PETSc.Vec, y: PETSc.Vec) -> bool:
+        """End before a step y from x that is too long; return whether y is changed.
+
+        Round-off decides whether the factor of a singular tangent meets a zero pivot,
+        or makes such a step.
+        """
+        if y.norm() > FARTHEST * max(1.0, x.norm()):
+            self.reason = SINGULAR_TANGENT
+            y.set(0.0)
+        return bool(self.reason)
 
     def _goes_astray(self, x: PETSc.Vec, step: int, norm: float) -> str:
         """Say why the steps lead nowhere, or ""."""
