@@ -13,6 +13,7 @@ import logging
 import sys
 from collections.abc import Callable
 from functools import partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -31,12 +32,21 @@ Family = Callable[[np.random.Generator], Case]
 
 
 def disc(size: float, parts: dict[str, Any], centre: tuple[float, float] = (0.0, 0.0)) -> ec.Domain:
-    """Return a disc of radius 1 whose parts have rules."""
+    """Return a disc of radius 1 whose parts have rules.
+
+    It has vertices at its four ends, where plates touch it first.
+    """
     comm = MPI.COMM_WORLD
 
     def build(gmsh: Any) -> None:
-        gmsh.model.occ.addDisk(*centre, 0, 1, 1)
-        gmsh.model.occ.synchronize()
+        occ = gmsh.model.occ
+        x, y = centre
+        middle = occ.addPoint(x, y, 0)
+        ends = [occ.addPoint(*end, 0) for end in ((x + 1, y), (x, y + 1), (x - 1, y), (x, y - 1))]
+        quarters = [occ.addCircleArc(a, middle, b) for a, b in pairwise([*ends, ends[0]])]
+        occ.addPlaneSurface([occ.addCurveLoop(quarters)])
+        occ.remove([(0, middle)])
+        occ.synchronize()
         gmsh.option.setNumber("Mesh.MeshSizeMax", size)
 
     with session(comm, build, "The disc") as model:
