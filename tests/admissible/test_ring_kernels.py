@@ -107,7 +107,7 @@ def test_tightening_ends_at_the_least_energy(inner_radius: float, degree: int) -
     free = np.repeat(off[..., None] & (cells.has_second | on_top)[:, None, None], 2, axis=-1)
     start = rng.standard_normal(free.shape) * off[..., None]
     forces, done, square = tighten_forces(
-        model.space, elements, energies, start, free, Ending(300, 1e-13)
+        model.space, elements, energies, energies.matrix, start, free, Ending(300, 1e-13)
     )
     assert done < 300
     # The same by dense matrices: free forces without axial resultant on any cell.
