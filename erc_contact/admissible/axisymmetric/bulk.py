@@ -48,18 +48,15 @@ def axisymmetric_bulk(given: Reconstruction) -> BulkStress:
     free_of_facets = around.has_second[:, None] | around.images.of_facets(given.fixed)
     free = off[..., None] & free_of_facets[:, None, :]
 
-    # Of ghost cells later rounds know the mean of the moduli only. Patches are but a
-    # preconditioner, for which the means of the first law do.
-    of_patches = None
-    if given.tighten > 0 and law.compliance.shape[1] > 1:
-        mean = law.compliance.mean(axis=1, keepdims=True)
-        of_patches = energies_of(law._replace(compliance=mean)).matrix
-
     def tighten(forces: np.ndarray, law: CellLaw, ending: Ending) -> Tight:
         energies = energies_of(law)
-        patches = energies.matrix if of_patches is None else of_patches
+        # Patches take the mean of the moduli of a cell: of ghosts no more is known.
+        of_means = energies
+        if law.compliance.shape[1] > 1:
+            mean = law.compliance.mean(axis=1, keepdims=True)
+            of_means = energies_of(law._replace(compliance=mean))
         forces, done, square = tighten_forces(
-            model.space, elements, energies, patches, forces, free, ending
+            model.space, elements, energies, of_means.matrix, forces, free, ending
         )
         return replace(balanced(forces, energies), iterations=done, square=square)
 
