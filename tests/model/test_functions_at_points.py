@@ -1,11 +1,11 @@
-"""Functions of the user's at points of cells: nodal polynomials, and elements that have no nodes."""
+"""Functions of the user at points of cells: nodal polynomials, and elements that have no nodes; matrices there."""
 
 import numpy as np
 import pytest
 from mpi4py import MPI
 
 import erc_contact as ec
-from erc_contact.model.data.expressions import function_at
+from erc_contact.model.data.expressions import definite_inverses, function_at
 from namedmesh.base.releases import cell_nodes
 
 import basix.ufl  # isort: skip - MPI first
@@ -36,3 +36,17 @@ def test_values_are_those_of_dolfinx(name):
     places[:, :2] = x.reshape(48, 2)
     known = function.eval(places, np.repeat(cells, 4)).reshape(48, -1)
     assert function_at(function, x, cells) == pytest.approx(known, abs=1e-12)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("size", [3, 4, 6])
+def test_inverses_of_definite_matrices(size):
+    """As numpy's, at the condition of a body that hardly hardens; singular ones are told."""
+    rng = np.random.default_rng(size)
+    basis = np.linalg.qr(rng.standard_normal((5, 7, size, size)))[0]
+    matrices = np.matmul(basis * np.geomspace(1e-5, 1.0, size), basis.swapaxes(-1, -2))
+    products = np.matmul(definite_inverses(matrices), matrices)
+    assert abs(products - np.eye(size)).max() < 1e-9
+    matrices[2, 3] = 0.0
+    with pytest.raises(np.linalg.LinAlgError):
+        definite_inverses(matrices)

@@ -4,7 +4,7 @@
 
 #include "lanes.h"
 
-enum { POINTS = 56, VALUES = 6 * POINTS, BUBBLES = 18 };
+enum { POINTS = 56, VALUES = 6 * POINTS, BUBBLES = 18, INPUTS = 72 };
 
 /* Stresses |det J| J^-1 sigma J^-T of the reference simplex, in place, from some sigma in Mandel components. */
 INLINE void pull_back(const int d, lanes (*inverse)[3], lanes determinant, int count, lanes *stress)
@@ -54,16 +54,28 @@ INLINE void metric_times(const int s, const lanes *metric, const lanes *x, lanes
     }
 }
 
-/* Solve A x = b for symmetric positive definite (N, N) matrices, lower triangles row by row; A is lost. */
-INLINE void solve_definite(int N, lanes *A, lanes *x)
+/* Eliminate the first unknowns of symmetric matrices (N, N), lower triangles row by row: a part of a Cholesky factor takes
+   the place of their columns. */
+INLINE void eliminate(int count, int N, lanes *A)
 {
   for (int i = 0; i < N; ++i) {
     lanes *row = A + i * (i + 1) / 2;
-    for (int j = 0; j <= i; ++j) {
+    const int first = i < count ? i : count;
+    for (int j = 0; j < first; ++j) {
       const lanes *other = A + j * (j + 1) / 2;
-      const lanes sum = row[j] - product(j, row, other);
-      row[j] = j < i ? sum * other[j] : 1.0 / root(sum);
+      row[j] = (row[j] - product(j, row, other)) * other[j];
     }
+    if (i < count)
+      row[i] = 1.0 / root(row[i] - product(i, row, row));
+  }
+}
+
+/* Solve A x = b for symmetric positive definite (N, N) matrices, lower triangles row by row; A is lost. */
+INLINE void solve_definite(int N, lanes *A, lanes *x)
+{
+  eliminate(N, N, A);
+  for (int i = 0; i < N; ++i) {
+    const lanes *row = A + i * (i + 1) / 2;
     lanes sum = x[i];
     for (int j = 0; j < i; ++j)
       sum -= row[j] * x[j];
@@ -78,7 +90,7 @@ INLINE void solve_definite(int N, lanes *A, lanes *x)
 }
 
 /* Points whose energies are summed at once, so that the strains there stay in the cache; rows and columns of a tile. */
-enum { AT_ONCE = 4, TILE = 3, MOST_FUNCTIONS = 72 + BUBBLES };
+enum { AT_ONCE = 4, TILE = 3, MOST_FUNCTIONS = INPUTS + BUBBLES };
 
 /* Products of some columns (N, K) and the rows of a table (K, N), added to lower triangles row by row; N is a multiple of
    TILE. */

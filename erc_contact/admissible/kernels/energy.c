@@ -2,7 +2,7 @@
 #include "kernels.h"
 #include "bubbles.h"
 
-enum { INPUTS = 72, MOMENTS = 6, FORCES = 12 };
+enum { MOMENTS = 6, FORCES = 12 };
 
 /* Cells side by side: geometry, material, tractions and stresses. */
 typedef struct {
@@ -206,8 +206,8 @@ INLINE double energy(const int d, int m, long long begin, long long cells, const
   return result;
 }
 
-double macro_energy(int m, long long begin, long long cells, const double *edges, const int *facets, const long long *side,
-                    const double *compliance, int varies, int points, const double *facet_map, int Q,
+double macro_energy(int m, long long begin, long long cells, const double *edges, const int *facets,
+                    const long long *side, const double *compliance, int varies, int points, const double *facet_map, int Q,
                     const int *start, const int *column, const double *value, const int *back_start,
                     const int *back_column, const double *back_value, const int *weight_start,
                     const int *weight_column, const double *weight, int count, const double *bubbles,
@@ -216,7 +216,7 @@ double macro_energy(int m, long long begin, long long cells, const double *edges
                     const double *elastic_value, int forces, const double *force, const double *body,
                     const double *x, double *y)
 {
-  return energy(DIMENSION, m, begin, cells, edges, facets, side, compliance, varies, points, facet_map, Q, start, column, value,
-                back_start, back_column, back_value, weight_start, weight_column, weight, count, bubbles, transposed,
+  return energy(DIMENSION, m, begin, cells, edges, facets, side, compliance, varies, points, facet_map, Q, start, column,
+                value, back_start, back_column, back_value, weight_start, weight_column, weight, count, bubbles, transposed,
                 products, b, elastic, of_mean, elastic_start, elastic_column, elastic_value, forces, force, body, x, y);
 }

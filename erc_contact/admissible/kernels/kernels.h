@@ -23,8 +23,8 @@ int apply_patches(int m, long long patches, const int *ring, const int *size, co
 
 /* tighten/complementary.py: returns the energy of the cells from this one on, and adds half its derivative to y. A sparse
    matrix is three arrays: start, column, value. */
-double macro_energy(int m, long long begin, long long cells, const double *edges, const int *facets, const long long *side,
-                    const double *compliance, int varies, int points, const double *facet_map, int Q,
+double macro_energy(int m, long long begin, long long cells, const double *edges, const int *facets,
+                    const long long *side, const double *compliance, int varies, int points, const double *facet_map, int Q,
                     const int *start, const int *column, const double *value, const int *back_start,
                     const int *back_column, const double *back_value, const int *weight_start,
                     const int *weight_column, const double *weight, int count, const double *bubbles,

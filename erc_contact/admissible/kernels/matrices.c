@@ -2,24 +2,6 @@
 #include "kernels.h"
 #include "bubbles.h"
 
-enum { MOST_INPUTS = MOST_FUNCTIONS - BUBBLES };
-
-/* Eliminate the first unknowns of symmetric matrices (N, N), lower triangles row by row: a part of a Cholesky factor takes
-   the place of their columns. */
-INLINE void eliminate(int count, int N, lanes *A)
-{
-  for (int i = 0; i < N; ++i) {
-    lanes *row = A + i * (i + 1) / 2;
-    const int first = i < count ? i : count;
-    for (int j = 0; j < first; ++j) {
-      const lanes *other = A + j * (j + 1) / 2;
-      row[j] = (row[j] - product(j, row, other)) * other[j];
-    }
-    if (i < count)
-      row[i] = 1.0 / root(row[i] - product(i, row, row));
-  }
-}
-
 /* The Schur complement that is left at two of the last rows and columns, each the first of d. */
 INLINE void complement(const int d, int count, const lanes *A, int row, int column, lanes (*block)[3])
 {
@@ -37,7 +19,7 @@ INLINE void complement(const int d, int count, const lanes *A, int row, int colu
         block[r][c] -= of_row[r][k] * of_column[c][k];
 }
 
-/* Energies of moments: what the bubbles leave of the energies of moments on the reference simplex, the last of N unknowns. */
+/* Energies of moments: what the bubbles leave of the energies of reference moments, the last of N unknowns. */
 INLINE void push_forward(const int d, int count, int N, lanes (*inverse)[3], const lanes *A, lanes *energies)
 {
   for (int p = 0; p < N - count; p += d)
@@ -64,7 +46,7 @@ INLINE void push_forward(const int d, int count, int N, lanes (*inverse)[3], con
    1.5 * 2^52 has no digits after the point. */
 INLINE void write_scaled(int inputs, const lanes *energies, int *matrix, lanes *roots)
 {
-  lanes share[MOST_INPUTS];
+  lanes share[INPUTS];
   for (int i = 0; i < inputs; ++i) {
     roots[i] = root(energies[i * (i + 1) / 2 + i]);
     share[i] = 0x1p15 / roots[i];
@@ -93,7 +75,7 @@ int energy_matrices(int m, long long cells, const double *edges, const int *face
   if (!A)
     return -1;
   for (long long first = 0; first < cells; first += LANES) {
-    lanes corner[3][3], inverse[3][3], metric[21 * POINTS], roots[MOST_INPUTS];
+    lanes corner[3][3], inverse[3][3], metric[21 * POINTS], roots[INPUTS];
     for (int l = 0; l < LANES; ++l)
       for (int i = 0; i < d * d; ++i)
         corner[i / d][i % d][l] = edges[cell_of(first, l, cells) * d * d + i];
@@ -122,7 +104,7 @@ double matrix_energy(int m, long long cells, const int *facets, const int *matri
   const int d = DIMENSION, inputs = (d + 1) * m * d;
   double result = 0.0;
   for (long long first = 0; first < cells; first += LANES, scale += inputs * LANES) {
-    lanes input[MOST_INPUTS], output[MOST_INPUTS], square = {0};
+    lanes input[INPUTS], output[INPUTS], square = {0};
     for (int i = 0; i < inputs; ++i)
       for (int l = 0; l < LANES; ++l) {
         const long long facet = facets[cell_of(first, l, cells) * (d + 1) + i / (m * d)];
