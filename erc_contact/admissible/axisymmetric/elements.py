@@ -33,7 +33,7 @@ import numpy as np
 
 from erc_contact.admissible.axisymmetric.kernels import BLOCK, ring_kernels
 from erc_contact.admissible.cells import CellGeometry
-from erc_contact.admissible.macro import macro_points
+from erc_contact.admissible.macro import rule_of
 from erc_contact.admissible.reference import bubbles, reference_map
 from erc_contact.model.data.quadrature import cell_pieces
 from erc_contact.model.law.constitution import ElasticMatrix
@@ -45,7 +45,6 @@ from namedmesh.simplex import (
     local_facet_nodes,
     node_vertices,
     nodes,
-    rule,
 )
 
 VERTICES = 3
@@ -96,8 +95,8 @@ class Elements:
         """Compute the energies of cells.
 
         Args:
-            elastic: S_0 of the owned cells at the points of
-                :func:`.macro.macro_points`, shape (owned, P, 4).
+            elastic: S_0 of the owned cells at the P points of a rule, see
+                :func:`.macro.rule_of`, shape (owned, P, 4).
             compliance: C^-1 without circumference at these points [area/force], shape
                 (n or 1, P or 1, 4, 4).
         """
@@ -112,11 +111,12 @@ class Elements:
         least = np.empty(owned)
         # Radial force and moment take two amounts.
         upper = np.empty((owned, inner - 2, inner + forces + 1))
-        _, points, weights = macro_points(2, k)
+        _, points, weights = rule_of(2, k, elastic.shape[1])
+        at_points, of_points = _at_points(k, len(points))
         ring_kernels()(
             "ring_energies",
             *(k, count, owned, self.corners, self.on_axis, tables.at_middles),
-            *(len(points), tables.at_points, barycentric(points), weights, tables.of_points),
+            *(len(points), at_points, barycentric(points), weights, of_points),
             *(*strides(compliance), compliance, self.force, np.ascontiguousarray(elastic)),
             *(matrix, slope, least, upper),
         )
@@ -171,17 +171,12 @@ class _Tables(NamedTuple):
     Rows are filled up with zeros to whole blocks.
 
     Attributes:
-        at_points: Stress at the points of :func:`.macro.macro_points`, shape (P, 3, 2,
-            inputs).
         at_nodes: Coefficients of the pieces, shape (3 N_k, 3, 2, inputs).
         at_middles: Stress amid the facets, shape (3, 3, 2, inputs).
-        of_points: Hoop force of a piece at its points, shape (P/3, b).
     """
 
-    at_points: np.ndarray
     at_nodes: np.ndarray
     at_middles: np.ndarray
-    of_points: np.ndarray
 
 
 @cache
@@ -198,15 +193,27 @@ def _tables(k: int) -> _Tables:
     inputs = np.concatenate([of_pieces, of_bubbles, of_facets, of_body], axis=-2)
     to_blocks = [(0, 0)] * 4 + [(0, -inputs.shape[-2] % BLOCK)]
     at_nodes = np.pad(inputs.swapaxes(-1, -2), to_blocks)
-    points, _ = rule(2, 2 * k)
-    at_points = np.tensordot(bernstein(2, k, points), at_nodes, axes=(1, 1)).swapaxes(0, 1)
     middles = at_nodes[np.arange(VERTICES), local_facet_nodes(2, k)[:, -1]]
     return _Tables(
-        at_points=np.ascontiguousarray(at_points),
         at_nodes=np.ascontiguousarray(at_nodes),
         at_middles=np.ascontiguousarray(middles),
-        of_points=np.ascontiguousarray(bernstein(2, k - 1, points)),
     )
+
+
+@cache
+def _at_points(k: int, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return stresses of the reference cell at the points of a rule for each input.
+
+    Returns:
+        The stresses, of :class:`_Tables`, shape (count, 3, 2, inputs), and the hoop
+        force of a piece at its points, shape (count/3, b).
+    """
+    shape, points, _ = rule_of(2, k, count)
+    at_nodes = _tables(k).at_nodes
+    stresses = np.tensordot(shape, at_nodes, axes=(1, 1)).swapaxes(0, 1)
+    in_piece = barycentric(points[: len(shape)]) @ np.linalg.inv(cell_pieces(2)[0])
+    of_points = bernstein(2, k - 1, in_piece[:, 1:])
+    return np.ascontiguousarray(stresses), np.ascontiguousarray(of_points)
 
 
 def _inner(k: int) -> int:

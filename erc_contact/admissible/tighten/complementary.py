@@ -50,16 +50,16 @@ def relax(
         The stress [force/area], of the same shape as sigma.
     """
     d, k = cells.d, cells.degree
-    at_points = compliance.shape[1] > 1
-    table = macro_table(d, k, at_points)
-    nodal_bubbles = macro_table(d, k, False).bubbles
+    points = compliance.shape[1]
+    table = macro_table(d, k, points)
+    nodal_bubbles = macro_table(d, k, 1).bubbles
     nodes = sigma.shape[1] * sigma.shape[2]
     b = elastic.shape[1]
     sizes = (nodes, len(sigma))
     material = (np.ascontiguousarray(compliance), len(compliance) > 1, compliance.shape[1])
     bubbles = (nodal_bubbles.shape[1], nodal_bubbles, table.bubbles, table.transposed)
     tables = (table.count, *table.nodal, *table.weights, *bubbles, table.products)
-    given = (b, np.ascontiguousarray(elastic), *elastic_table(d, k, at_points, b).rows)
+    given = (b, np.ascontiguousarray(elastic), *elastic_table(d, k, points, b).rows)
     kernels(d)("relax_stresses", *sizes, cells.edges, *material, *tables, *given, sigma)
     return sigma
 
@@ -77,7 +77,7 @@ class ComplementaryEnergy:
         self.cells = cells
         self.owned = owned
         self.compliance = np.ascontiguousarray(compliance)
-        self.table = macro_table(cells.d, cells.degree, compliance.shape[1] > 1)
+        self.table = macro_table(cells.d, cells.degree, compliance.shape[1])
         self._kept, self._of_kept = self._matrices()
         self._of_moments = self._bound(self._kept, None, None)
 
@@ -154,7 +154,6 @@ class ComplementaryEnergy:
         cells = self.cells
         table = self.table
         compliance = self.compliance
-        at_points = compliance.shape[1] > 1
         sizes = (len(table.to_coefficients), begin, self.owned)
         geometry = (cells.edges, cells.facets, cells.side)
         material = (compliance, len(compliance) > 1, compliance.shape[1])
@@ -162,7 +161,7 @@ class ComplementaryEnergy:
         bubbles = (table.bubbles.shape[1], table.bubbles, table.transposed, table.products)
         to_energy = (*table.weights, *bubbles)
         b = 1 if elastic is None else elastic.shape[1]
-        mean, rows = elastic_table(cells.d, cells.degree, at_points, b)
+        mean, rows = elastic_table(cells.d, cells.degree, compliance.shape[1], b)
         of_elastic = (b, elastic, mean, *rows)
         forces = 0 if force is None else force.shape[1] * cells.d
         of_force = (forces, force, table.body)

@@ -20,7 +20,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from erc_contact.admissible.macro import macro_points
+from erc_contact.admissible.macro import macro_points, rule_of
 from erc_contact.admissible.reference import bubbles, reference_map
 from erc_contact.scene.material import mandel_basis
 from namedmesh.simplex import (
@@ -68,10 +68,10 @@ class MacroTable:
         products: Their energies for each entry a <= b of a metric, a lower triangle row
             by row, shape (N (N + 1)/2, s (s + 1)/2).
         nodal: From values at the nodes of the sub-simplices, (d+1, N_k) in one.
-        from_points: From values at the points of :func:`macro_points`.
+        from_points: From values at the points of the rule.
 
     Example:
-        >>> table = macro_table(d=2, k=1, at_points=False)
+        >>> table = macro_table(d=2, k=1, points=1)
         >>> table.count  # at 2 vertices of 3 sub-triangles, and at the barycentre
         7
         >>> round(float(table.weights.value.sum()), 12)  # the mean of 1
@@ -115,24 +115,24 @@ def _to_coefficients(d: int, k: int) -> np.ndarray:
 
 
 @cache
-def macro_table(d: int, k: int, at_points: bool) -> MacroTable:
+def macro_table(d: int, k: int, points: int) -> MacroTable:
     """Compute the table of a degree.
 
     Args:
         d: Dimension.
         k: Degree.
-        at_points: Whether stresses are taken at the points of :func:`macro_points`,
-            times the roots of the weights, because the moduli vary between them; else
-            at the nodes.
+        points: Number of points of a cell between which the moduli vary, see
+            :func:`.macro.rule_of`. Stresses are taken there, times the roots of the
+            weights. With 1 the moduli are constant, and stresses are taken at nodes.
     """
     s = d * (d + 1) // 2
-    near, _, point_weights = macro_points(d, k)
+    near, _, point_weights = rule_of(d, k, points)
     stress, body, bubble, spread = _vertex_stresses(d) if k == 1 else _nodal_stresses(d, k)
     # values at the points from those at the nodes
     values = np.kron(np.eye(d + 1), near) @ spread
     weights = values.T * point_weights @ values
     from_points = np.linalg.pinv(values)
-    if at_points:
+    if points > 1:
         values *= np.sqrt(point_weights)[:, None]
         stress = np.tensordot(values, stress, axes=1)
         body = np.tensordot(values, body, axes=1)
@@ -189,18 +189,18 @@ class ElasticTable(NamedTuple):
 
 
 @cache
-def elastic_table(d: int, k: int, at_points: bool, b: int) -> ElasticTable:
+def elastic_table(d: int, k: int, points: int, b: int) -> ElasticTable:
     """Compute the table for elastic stresses that are given by b values in a cell.
 
     The values are one constant, coefficients of degree k - 1, or values at the points
-    of :func:`macro_points`. See :func:`macro_table` for the other arguments.
+    of a rule. See :func:`macro_table` for the other arguments.
     """
-    _, points, weights = macro_points(d, k)
-    from_points = macro_table(d, k, at_points).from_points
-    if b == len(points):
+    _, places, weights = rule_of(d, k, max(points, b))
+    from_points = macro_table(d, k, points).from_points
+    if b == len(places):
         return ElasticTable(weights, Sparse.from_matrix(from_points))
     of_degree = 0 if b == 1 else k - 1
-    shape = bernstein(d, of_degree, points)
+    shape = bernstein(d, of_degree, places)
     return ElasticTable(weights @ shape, Sparse.from_matrix(from_points @ shape))
 
 
