@@ -274,9 +274,11 @@ def _on_pieces(
         places = np.matmul(points, corners[chunk])
         of_simplex = vertices[simplex[chunk]]
         x = np.matmul(places, of_simplex)
-        values = f(simplex[chunk], places, x)
-        mean = np.tensordot(values, weights, axes=(1, 0))
-        unknown = 2 * abs(np.matmul(residual, values)).mean(axis=1)
+        # With the points last it is one large product, and not a small one a piece.
+        values = np.ascontiguousarray(f(simplex[chunk], places, x).swapaxes(1, 2))
+        mean = values @ weights
+        distance = values.reshape(-1, len(weights)) @ residual.T
+        unknown = 2 * abs(distance).mean(axis=1).reshape(mean.shape)
         if hidden is not None:
             unknown += hidden(simplex[chunk], np.matmul(corners[chunk], of_simplex), places, x)
         chunks.append(np.stack([mean, unknown]) * piece_measure[chunk, None])
@@ -373,6 +375,12 @@ def cell_pieces(size: int) -> np.ndarray:
     corners = np.repeat(np.eye(size + 1)[None], size + 1, axis=0)
     corners[np.arange(size + 1), np.arange(size + 1)] = 1 / (size + 1)
     return corners
+
+
+@cache
+def whole(size: int) -> np.ndarray:
+    """Return a simplex as its only piece, shape (1, v, v)."""
+    return np.eye(size + 1)[None]
 
 
 def polynomials(degree: int, points: np.ndarray) -> np.ndarray:
