@@ -11,8 +11,8 @@ estimate it.
 
 Only the values at the points are known, unless the caller bounds what integrands do
 between them (:data:`Hidden`). Before any bisection there are 72 points on a facet in 2D
-and 352 in 3D, and 66 points in a cell in 2D and 236 in 3D. A feature that changes no
-value at these points is missed without such a bound.
+and 352 in 3D, and 66 points in a cell in 2D and 236 in 3D, or 22 and 59 in a whole
+cell. A feature that changes no value at these points is missed without such a bound.
 
 Symbols: d' dimension of the simplices, v = d'+1 number of their vertices, n pieces, q
 points, i integrands.
@@ -137,8 +137,8 @@ def integrate(
         measure: Their lengths, areas or volumes, shape (simplices,). Simplices of
             measure 0 are left out.
         pieces: The first pieces of each simplex, of equal size, from
-            :func:`facet_pieces` or :func:`cell_pieces`: barycentric coordinates of
-            their corners, shape (c, v, v).
+            :func:`facet_pieces`, :func:`cell_pieces` or :func:`whole`: barycentric
+            coordinates of their corners, shape (c, v, v).
         share: Share of each integral that may stay unknown, relative to the sum of the
             absolute values of the integrals over all pieces [-].
         floor: Amount of each integral that may always stay unknown.
