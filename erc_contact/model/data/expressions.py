@@ -266,20 +266,40 @@ class OfNumbers:
         """
         if self._code is not None:
             return self._code(numbers, count).reshape(count, self._size)
+        values = np.zeros((count, self._size))
+        rows, constants = self._arguments(numbers, count)
+        # The kernels know no dimension.
+        kernels = library(KERNELS, 1)
+        sizes = self._size, values, rows.shape[1]
+        kernels("at_points", self._address, count, *sizes, rows, constants)
+        return values
+
+    def times(self, numbers: Mapping[Ufl, np.ndarray], vectors: np.ndarray) -> np.ndarray:
+        """Multiply the expression, a compiled square matrix, and vectors at points.
+
+        Args:
+            numbers: Values of each terminal, shape (count, size of the terminal).
+            vectors: A vector of each point, shape (count, s).
+        """
+        count, size = vectors.shape
+        products = np.empty((count, size))
+        rows, constants = self._arguments(numbers, count)
+        arrays = products, np.ascontiguousarray(vectors), rows.shape[1], rows, constants
+        library(KERNELS, 1)("times_at_points", self._address, count, size, *arrays)
+        return products
+
+    def _arguments(
+        self, numbers: Mapping[Ufl, np.ndarray], count: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the numbers of points in rows, and the constants, for the kernels."""
         columns = [numbers[terminal] for terminal in self.numbers]
         # The numbers of a law are a table already, which is not copied. The tangent of
         # a linear law has none.
         rows = columns[0] if len(columns) == 1 else np.hstack([np.zeros((count, 0)), *columns])
-        rows = np.ascontiguousarray(rows, dtype=np.float64)
         constants = np.zeros(0)
         if self._constants:
             constants = np.concatenate([_flat(constant) for constant in self._constants])
-        values = np.zeros((count, self._size))
-        sizes = self._size, values, rows.shape[1]
-        # The kernels know no dimension.
-        kernels = library(KERNELS, 1)
-        kernels("at_points", self._address, count, *sizes, rows, constants)
-        return values
+        return np.ascontiguousarray(rows, dtype=np.float64), constants
 
 
 def definite_inverses(matrices: np.ndarray) -> np.ndarray:

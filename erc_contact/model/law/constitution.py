@@ -196,7 +196,17 @@ class ElasticMatrix:
 
     def times(self, tensor: np.ndarray, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Multiply the matrix and tensors (n, q, s) at points, see :meth:`__call__`."""
-        return self._weighted(act(self.of_material(x, cells), tensor), x)
+        return self._weighted(self._of_material_times(tensor, x, cells), x)
+
+    def _of_material_times(
+        self, tensor: np.ndarray, x: np.ndarray, cells: np.ndarray
+    ) -> np.ndarray:
+        """Multiply :meth:`of_material` and tensors (n, q, s) at points."""
+        if not self._parameters_vary:
+            return act(self.of_material(x, cells), tensor)
+        shape = (*x.shape[:2], self.size)
+        vectors = np.broadcast_to(tensor, shape).reshape(-1, self.size)
+        return self._matrix.times(self._numbers_at(x, cells), vectors).reshape(shape)
 
     def of_material(self, x: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """Evaluate the matrix of the material, without weights, at points.
@@ -213,10 +223,15 @@ class ElasticMatrix:
         if not self._parameters_vary:
             x = x[:, :1]
         n, q, _ = x.shape
-        values = {}
-        for name, parameter in self._parameters.items():
-            values[self._numbers[name]] = parameter(x, cells).reshape(-1, 1)
-        return self._matrix(values, n * q).reshape(n, q, self.size, self.size)
+        matrices = self._matrix(self._numbers_at(x, cells), n * q)
+        return matrices.reshape(n, q, self.size, self.size)
+
+    def _numbers_at(self, x: np.ndarray, cells: np.ndarray) -> dict[Ufl, np.ndarray]:
+        """Return the parameters at points, as the compiled matrix takes them."""
+        return {
+            self._numbers[name]: parameter(x, cells).reshape(-1, 1)
+            for name, parameter in self._parameters.items()
+        }
 
 
 def _matrix(material: Material, d: int, inverse: bool, parameters: Mapping[str, Ufl]) -> Ufl:

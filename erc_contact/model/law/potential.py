@@ -280,6 +280,7 @@ class TangentMatrix(ElasticMatrix):
         self.section = linearised.section
         self._weighted = self.section.over if inverse else self.section.times
         self._constant = None
+        self._parameters_vary = False  # its matrices are not made of parameters
         self._linearised = linearised
         self._inverse = inverse
 

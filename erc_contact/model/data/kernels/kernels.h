@@ -5,5 +5,9 @@
 void at_points(long long tabulate, int n, int size, double *values, int width, const double *numbers,
                const double *constants);
 
+/* expressions.py: multiplies square matrices of such an expression, (size, size) at each point, and vectors (n, size). */
+void times_at_points(long long tabulate, int n, int size, double *products, const double *vectors, int width,
+                     const double *numbers, const double *constants);
+
 /* expressions.py: replaces symmetric definite matrices (n, s, s) by their inverses. */
 void invert_definite(long long n, int s, double *matrices);

@@ -1,5 +1,6 @@
 #include <stddef.h>
 #include <stdint.h>
+#include <string.h>
 
 #include "kernels.h"
 
@@ -13,6 +14,25 @@ void at_points(long long tabulate, int n, int size, double *values, int width, c
     const expression at = (expression)(intptr_t)tabulate;
     for (int i = 0; i < n; i++)
         at(values + (size_t)i * size, numbers + (size_t)i * width, constants, NULL, NULL, NULL, NULL);
+}
+
+/* The matrix of a point is used at once, and written nowhere. */
+void times_at_points(long long tabulate, int n, int size, double *products, const double *vectors, int width,
+                     const double *numbers, const double *constants)
+{
+    const expression at = (expression)(intptr_t)tabulate;
+    double matrix[size][size];
+    for (int i = 0; i < n; i++) {
+        const double *vector = vectors + (size_t)i * size;
+        memset(matrix, 0, sizeof matrix);
+        at(matrix[0], numbers + (size_t)i * width, constants, NULL, NULL, NULL, NULL);
+        for (int row = 0; row < size; row++) {
+            double product = 0.0;
+            for (int column = 0; column < size; column++)
+                product += matrix[row][column] * vector[column];
+            products[(size_t)i * size + row] = product;
+        }
+    }
 }
 
 /* In place, by Gauss and Jordan. Definite matrices need no other pivots. */
