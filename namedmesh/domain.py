@@ -561,7 +561,9 @@ class Domain(Bodies):
                 value at each node ``mesh.geometry.x`` of this rank, shape (n,), with h
                 linear between the nodes. The number of cells is ``int c / h^d`` with c
                 = 4/sqrt(3) in 2D and 5 in 3D. gmsh meets it to within 2% in 2D and 5%
-                in 3D if cells are small beside the body.
+                in 3D if cells are small beside the body. Around a circle or a curved
+                surface there are 6 edges at least, whatever the sizes, unless it is
+                small beside them.
 
         Returns:
             The domain on the new mesh.

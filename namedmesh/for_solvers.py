@@ -18,12 +18,11 @@ from namedmesh.graphs import components, order_along_curves, successors, to_chai
 from namedmesh.interface_map import Interface
 from namedmesh.named import INSIDE_CELLS
 from namedmesh.naming import Rules
-from namedmesh.nodal import NodalMesh
+from namedmesh.nodal import NodalMesh, count_cells
 from namedmesh.normals import spread, vertex_normals
 from namedmesh.partition import check_shape
 from namedmesh.parts import shape_in_words
 from namedmesh.parts_table import NAMELESS, facets_of_parts
-from namedmesh.remeshing import count_cells
 from namedmesh.rows import count_up, in_space, row_numbers
 from namedmesh.sides import boundary_sides, inner_facets
 from namedmesh.size_field import FILL

@@ -1,4 +1,7 @@
-"""Compute values at nodes from values of cells and edges, on any number of ranks."""
+"""Compute values at nodes from values of cells and edges, on any number of ranks.
+
+Sizes at nodes say how many cells a mesh will have.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +14,28 @@ from namedmesh.base.communicators import lasting
 from namedmesh.base.releases import cell_nodes
 from namedmesh.domain import Domain
 from namedmesh.simplex import measures
-from namedmesh.size_field import FILL
+from namedmesh.size_field import FILL, at_corners
 
 GROW = 0.5
 """Largest growth of sizes over a length [-]: neighbouring layers grow by at most 1.5.
 
 From 0.3 to 0.5 no count and no error changed by more than the scatter of meshes.
 """
+
+
+def count_cells(domain: Domain, sizes: np.ndarray) -> float:
+    """Predict the number of cells of a mesh with given sizes; collective.
+
+    It is ``int c / h^d`` with c of :data:`namedmesh.size_field.FILL`. Where bodies
+    meet, the least of their sizes is taken, as their facets match.
+
+    Args:
+        domain: The mesh that carries the sizes.
+        sizes: h at the nodes ``domain.mesh.geometry.x`` [length], shape (n,).
+    """
+    if domain.glued is None or domain.interface_map is None:
+        return at_corners(domain, sizes).count(domain.comm)
+    return at_corners(domain.glued, domain.interface_map.least(sizes)).count(domain.comm)
 
 
 class NodalMesh:

@@ -6,20 +6,20 @@ dimension.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
 from namedmesh.base.exceptions import InputError
+from namedmesh.curvature import follow_curves
 from namedmesh.files.building import Built, build_simplices, spread_from
 from namedmesh.files.of_gmsh import marked_entities, mesh_of_model
 from namedmesh.gmsh_session import FIELD, add_sizes, session
-from namedmesh.named import NamedMesh
 from namedmesh.periodic import SAME_PLACE
 from namedmesh.rows import in_space
-from namedmesh.size_field import Labels, SizeField, at_corners
+from namedmesh.size_field import Labels, SizeField
 
 GMSH_EXCESS = {2: 1.06, 3: 1.08}
 """Number of simplices that gmsh makes over the number from :data:`FILL`.
@@ -31,23 +31,29 @@ COUNT_TOLERANCE = {2: 0.02, 3: 0.05}
 
 Beyond it the mesh is made again with scaled sizes.
 """
+EXCESS_OF_SHAPE = 1.25
+"""Excess of cells [-] above which the shape may be why there are so many.
+
+It is if larger sizes take away less than a third of its logarithm. Still larger sizes
+would coarsen the mesh only where few cells are too many.
+"""
+ABORT_QUIETLY = 1
+"""Value of gmsh's option by which an error ends a mesh and is not thrown."""
+SUBJECT = "The geometry, meshed again,"
+"""Subject of what is told of it."""
 ATTEMPTS = 4
 """Greatest number of meshes that are made to come near the count.
 
 If the last one is not the best, the best one is made again.
 """
 
+EDGES_OF_CIRCLE = 6
+"""Least number of edges along a full circle, and around a curved surface.
 
-def count_cells(domain: NamedMesh, sizes: np.ndarray) -> float:
-    """Predict the number of cells of a mesh with given sizes; collective.
-
-    It is ``int c / h^d`` with c of :data:`FILL`.
-
-    Args:
-        domain: The mesh that carries the sizes.
-        sizes: h at the nodes ``domain.mesh.geometry.x`` [length], shape (n,).
-    """
-    return at_corners(domain, sizes).count(domain.comm)
+Sizes of a user may be larger. An edge that turns by half a circle would cut the body in
+two, see :func:`namedmesh.curvature.follow_curves`. With 6 edges gmsh makes hardly
+more cells than without: along each circle it puts 7 in any case.
+"""
 
 
 def mesh_geometry(
@@ -73,9 +79,9 @@ def mesh_geometry(
     Raises:
         InputError: If gmsh fails.
     """
-    subject = "The geometry, meshed again,"
     dim = sizes.dim
-    target = round(sizes.count(comm))
+    target = max(round(sizes.count(comm)), 1)
+    region_of = {tag: name for name, tag in labels.regions.items()}
     parts = comm.gather((sizes.x, sizes.sizes))
     tags: dict[int, int] = {}
 
@@ -86,24 +92,15 @@ def mesh_geometry(
         corners = np.concatenate([x for x, _ in parts])
         corner_sizes = np.concatenate([values for _, values in parts])
         corners, corner_sizes = _sort(corners, corner_sizes)
-        try:
-            _mesh_to_sizes(gmsh, dim, corners, corner_sizes, target)
-        except InputError:
-            raise
-        except Exception as reason:  # gmsh's own errors are of no other class
-            raise InputError(
-                f"{subject} cannot be used: {reason}. Ask for smaller sizes, as facets that are "
-                "large for their curves may meet each other; or refine the mesh that there is: "
-                "domain.refined(cells), or strategy=ec.Mark()."
-            ) from reason
+        _mesh_to_sizes(gmsh, dim, corners, corner_sizes, target, region_of)
 
-    with session(comm, build_mesh, subject) as model:
+    with session(comm, build_mesh, SUBJECT) as model:
 
         def make() -> Built:
             marks = marked_entities(model, tags) if labels.curved else []
             return build_simplices(mesh_of_model(model), marks, numbered=False)
 
-        new = spread_from(comm, 0, make, subject)
+        new = spread_from(comm, 0, make, SUBJECT)
     new |= {"names": labels.names, "regions": labels.regions}
     if not labels.regions:
         # gmsh's tags stand for the group "body" then, which nobody asked for.
@@ -176,7 +173,14 @@ def _sort(x: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return x[order], sizes[order]
 
 
-def _mesh_to_sizes(gmsh: Any, dim: int, x: np.ndarray, sizes: np.ndarray, target: int) -> None:
+def _mesh_to_sizes(
+    gmsh: Any,
+    dim: int,
+    x: np.ndarray,
+    sizes: np.ndarray,
+    target: int,
+    region_of: Mapping[int, str],
+) -> None:
     """Mesh gmsh's current model with sizes at the corners of simplices.
 
     The number of cells that gmsh makes depends on gradation and shape. If it misses the
@@ -189,46 +193,72 @@ def _mesh_to_sizes(gmsh: Any, dim: int, x: np.ndarray, sizes: np.ndarray, target
         x: Corners [length], shape (n, d+1, 3).
         sizes: Sizes at the corners [length], shape (n, d+1).
         target: Number of cells.
+        region_of: Tag of each region -> its name.
 
     Raises:
-        InputError: If gmsh makes no cell.
+        InputError: If gmsh cannot mesh it with the sizes as they are.
     """
     for name, value in FIELD.items():
         gmsh.option.setNumber(name, value)
+    follow_curves(gmsh, EDGES_OF_CIRCLE, float(sizes.min()), float(sizes.max()))
     scale = GMSH_EXCESS[dim] ** (1 / dim)
-    least_miss = np.inf
-    best_scale = scale
-    for attempt in range(ATTEMPTS + 1):
-        cells = _mesh_once(gmsh, dim, x, scale * sizes)
+    best = (np.inf, scale)
+    made = np.nan
+    problem = ""
+    excess_before = np.inf
+    for _ in range(ATTEMPTS):
+        cells, problem = _mesh_once(gmsh, dim, x, scale * sizes, region_of)
+        if problem:
+            break
+        made = scale
         miss = abs(cells / target - 1)
-        last_is_best = attempt == ATTEMPTS - 1 and miss <= least_miss
-        if miss <= COUNT_TOLERANCE[dim] or last_is_best or attempt == ATTEMPTS:
+        best = min(best, (miss, scale))
+        if miss <= COUNT_TOLERANCE[dim]:
             return
-        if (miss, scale) < (least_miss, best_scale):
-            least_miss = miss
-            best_scale = scale
-        # The final attempt makes the best mesh again.
-        if attempt == ATTEMPTS - 1:
-            scale = best_scale
-        else:
-            scale *= (cells / target) ** (1 / dim)
+        excess = cells / target
+        if excess > max(EXCESS_OF_SHAPE, excess_before ** (2 / 3)):
+            break
+        excess_before = excess
+        scale *= excess ** (1 / dim)
+    if np.isinf(best[0]):
+        raise InputError(
+            f"{SUBJECT} cannot be used: {problem}. Ask for smaller sizes, as facets that are "
+            "large for their curves may meet each other; or refine the mesh that there is: "
+            "domain.refined(cells), or strategy=ec.Mark()."
+        )
+    if problem or made != best[1]:
+        _mesh_once(gmsh, dim, x, best[1] * sizes, region_of)
 
 
-def _mesh_once(gmsh: Any, dim: int, x: np.ndarray, sizes: np.ndarray) -> int:
+def _mesh_once(
+    gmsh: Any, dim: int, x: np.ndarray, sizes: np.ndarray, region_of: Mapping[int, str]
+) -> tuple[int, str]:
     """Mesh gmsh's current model with sizes, see :func:`_mesh_to_sizes`.
 
     Returns:
-        The number of cells.
+        The number of cells, and what gmsh could not do, mostly nothing.
     """
     view, background = add_sizes(gmsh, x, sizes)
     gmsh.model.mesh.field.setAsBackgroundMesh(background)
+    option = "General.AbortOnError"
+    before = gmsh.option.getNumber(option)
+    # An error that is thrown leaves gmsh locked: it would mesh nothing in this session.
+    gmsh.option.setNumber(option, ABORT_QUIETLY)
     try:
         gmsh.model.mesh.clear()
         gmsh.model.mesh.generate(dim)
+        problem = gmsh.logger.getLastError()
     finally:
+        gmsh.option.setNumber(option, before)
         gmsh.model.mesh.field.remove(background)
         gmsh.view.remove(view)
-    cells = sum(len(tags) for tags in gmsh.model.mesh.getElements(dim)[1])
-    if not cells:
-        raise InputError("gmsh made no cell of it.")
-    return cells
+    cells = 0
+    for entity in gmsh.model.getEntities(dim):
+        of_entity = sum(len(tags) for tags in gmsh.model.mesh.getElements(*entity)[1])
+        cells += of_entity
+        if not of_entity and not problem:
+            # gmsh only warns of it.
+            groups = gmsh.model.getPhysicalGroupsForEntity(*entity)
+            body = next((repr(region_of[tag]) for tag in groups if tag in region_of), "it")
+            problem = f"gmsh made no cell of {body}"
+    return cells, problem

@@ -17,10 +17,16 @@ from namedmesh.base import checks
 from namedmesh.base.percent import percent
 
 CLOSE = 1.2
-"""Multiple of the accuracy below which marked elements are refined instead [-].
+"""Multiple of the accuracy below which no gain by other sizes is expected [-].
 
-A new mesh of nearly the same sizes might miss the accuracy again and again,
-because the prediction is right to 5 or 10% only.
+The prediction is right to 5 or 10% only, so a new mesh of nearly the same sizes might
+miss the accuracy again and again.
+"""
+CLOSURE = 1.5
+"""Multiple of the cells of a new mesh up to which marked elements are refined [-].
+
+Refinement is sure to gain. But where sizes vary much in 3D, bisection of an element
+takes dozens of others with it.
 """
 
 
@@ -57,7 +63,8 @@ class SizeMap:
     def next(self, error: ConstitutiveError, accuracy: float, max_cells: int) -> Domain:
         """Return the domain meshed again; collective.
 
-        Where the error is near the accuracy, it has marked elements refined instead.
+        Where the error is near the accuracy, it has marked elements refined instead,
+        unless they take many others with them.
 
         Raises:
             InputError: If the accuracy takes more cells than allowed, as far as this
@@ -69,7 +76,14 @@ class SizeMap:
             # Halving an element leaves 4^-k of its squared error.
             gain = 1 - 4.0**-error.degree
             fraction = min((1 - (aim / error.total) ** 2) / gain, 1.0)
-            return refined(domain, mark(error, fraction), max_cells)
+            finer = refined(domain, mark(error, fraction), max_cells)
+            # With the present distribution of sizes.
+            cells = domain.cells * (error.total / aim) ** (domain.dim / error.degree)
+            if finer.cells <= CLOSURE * cells or domain.geometry is None:
+                return finer
+            sizes = size_map(error, aim)
+            scale = (sizes.predicted_cells / cells) ** (1 / domain.dim)
+            return domain.remeshed(min(scale, 1.0) * sizes.values)
         fall = error.total / aim
         leaps = ceil(log(fall) / log(self.leap))
         sizes = size_map(error, error.total / fall ** (1 / leaps))

@@ -17,15 +17,11 @@ from typing import Any
 
 import numpy as np
 
+from namedmesh.curvature import follow_curves
 from namedmesh.drawings import kept, opened, pieces, small
 
 EDGES_OF_CIRCLE = 8
 """Number of edges along a full circle of small radius."""
-SMALLEST = 1 / 10
-"""Least edge that curvature asks for, over the size of cells [-].
-
-A fillet of a thousandth of the size would get millions of cells.
-"""
 OPTIONS = {
     "General.Terminal": 0,
     "Mesh.ElementOrder": 1,
@@ -96,8 +92,7 @@ def _mesh(gmsh: Any, job: dict[str, Any], tell: Any) -> None:
     _options(gmsh)
     if job["size"]:
         gmsh.option.setNumber("Mesh.MeshSizeMax", job["size"])
-        gmsh.option.setNumber("Mesh.MeshSizeMin", SMALLEST * job["size"])
-        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", EDGES_OF_CIRCLE)
+        follow_curves(gmsh, EDGES_OF_CIRCLE, job["size"], job["size"])
     model.mesh.generate(dim)
     empty = [name for name, pieces_ in bodies if not _has_cells(model, pieces_)]
     if empty:

@@ -7,8 +7,8 @@ The formula, its prediction, and the loop that ends at the accuracy asked for.
 - rates below k are found at singular points, and only there;
 - the mesh made has the number of elements predicted to 5% (2D) and 15% (3D), the error
   to 25% from a coarse mesh and to 8% from one near by;
-- adapt ends with eps <= accuracy in few meshes, coarsens where it may, and stops before
-  it spends time in vain.
+- adapt ends with eps <= accuracy in few meshes, coarsens where it may, makes no mesh with
+  many cells more than the accuracy takes, and stops before it spends time in vain.
 """
 
 import logging
@@ -22,6 +22,7 @@ from scenes import block, common_block, greco, mostly_serial, prototype_block
 from test_remesh import MESHES
 
 import erc_contact as ec
+from erc_contact.error.optimal import CLOSURE
 from erc_contact.error.sizes import PREDICTIVE_ERROR, RATIO
 from erc_contact.output.gathered import whole_contact
 from erc_contact.results import OPEN, SLIP, STICK
@@ -176,6 +177,27 @@ def test_loop_ends_at_the_accuracy_in_few_meshes(tighten):
     marked = ec.adapt(common_block(), block(4), accuracy, tighten=tighten)
     assert len(history.steps) < len(marked.steps)
     assert history.steps[-1].cells < marked.steps[-1].cells
+
+
+@pytest.mark.serial
+def test_near_the_accuracy_a_mesh_is_made_anew_where_refinement_takes_many_cells():
+    """Bisection in 3D takes dozens of elements with a marked one where sizes vary."""
+    top = ec.Displacement("top", (0.0002, 0.0, -0.001))
+    scene = ec.Scene(ec.Elastic(1.0, 0.3), [top], contacts=[ec.Contact("bottom", friction=0.3)])
+
+    def on(domain):
+        return ec.constitutive_error(ec.equilibrate(ec.solve(scene, domain, degree=2)))
+
+    coarse = on(ec.box((0.0,) * 3, (1.0,) * 3, cells=(4, 4, 4)))
+    error = on(coarse.domain.remeshed(ec.size_map(coarse, 0.03)))
+    accuracy = error.total / 1.1
+    strategy = ec.SizeMap()
+    finer = strategy.next(error, accuracy, 100_000)
+    cells = error.domain.cells * (1.1 / strategy.aim) ** (3 / 2)
+    fraction = (1 - (strategy.aim / 1.1) ** 2) / (1 - 1 / 16)
+    assert error.domain.refined(ec.mark(error, fraction)).cells > 1.1 * CLOSURE * cells
+    assert finer.cells < 1.1 * cells
+    assert on(finer).total < accuracy
 
 
 @pytest.mark.serial

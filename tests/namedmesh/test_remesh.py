@@ -27,7 +27,10 @@ from test_domain import (
 )
 
 import namedmesh as nm
-from namedmesh.remeshing import count_cells
+from namedmesh import remeshing
+from namedmesh.base.releases import cell_nodes
+from namedmesh.nodal import count_cells
+from namedmesh.size_field import at_corners
 
 MESHES = Path(__file__).parents[2] / "meshes"
 BRICKS = {
@@ -98,7 +101,7 @@ def test_two_regions_an_interface_and_a_hole(gmsh_session, measures):
 
 CURVED = {
     "half_disc.geo": (np.pi / 2, {"arc": np.pi, "top": 2.0}, 0.2),
-    "punch.geo": (20 * 15 - 2 * 9 * (1 - np.pi / 4), {"foot": 14 + 3 * np.pi, "top": 20.0}, 2.0),
+    "punch.geo": (20 * 15 - 2 * 9 * (1 - np.pi / 4), {"foot": 14 + 3 * np.pi, "top": 20.0}, 1.0),
     "bracket.geo": (
         2800 + 144 * (1 - np.pi / 4) - 50 * np.pi,
         {"foot": 80.0, "wall": 80.0, "holes": 20 * np.pi},
@@ -187,6 +190,67 @@ def test_user_session_keeps_its_options(gmsh_session):
     if gmsh_session:
         assert [gmsh_session.option.getNumber(name) for name in names] == before
         assert gmsh_session.model.list() == ["", "user"]
+
+
+RADIUS, LENGTH = 1.0, 30.0
+
+
+def rod(gmsh):
+    """A rod whose surface is drawn as two halves, as CAD programs do."""
+    gmsh.model.add("rod")
+    occ = gmsh.model.occ
+    low, centre, high = (occ.addPoint(0.0, y, 0.0) for y in (-RADIUS, 0.0, RADIUS))
+    arcs = [occ.addCircleArc(low, centre, high), occ.addCircleArc(high, centre, low)]
+    disc = occ.addPlaneSurface([occ.addCurveLoop(arcs)])
+    occ.extrude([(2, disc)], 0.0, 0.0, LENGTH)
+    occ.synchronize()
+    gmsh.model.addPhysicalGroup(3, [tag for _, tag in gmsh.model.getEntities(3)], name="rod")
+    gmsh.model.addPhysicalGroup(2, [disc], name="end")
+    others = [tag for _, tag in gmsh.model.getEntities(2) if tag != disc]
+    gmsh.model.addPhysicalGroup(2, others, name="others")
+    gmsh.option.setNumber("Mesh.MeshSizeMax", RADIUS)
+    return nm.from_gmsh(gmsh.model, MPI.COMM_SELF)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("size", [1.5, 3.0, 10.0])
+def test_sizes_beyond_half_of_a_circle_keep_the_body(size, gmsh_session, measures):
+    """Facets from a side of a rod to the opposite side would be its axis."""
+    domain = rod(gmsh_session).remeshed(size)
+    volume = np.pi * RADIUS**2 * LENGTH
+    assert measures.region(domain) == pytest.approx(volume, rel=0.01)
+    # Six edges around, as long along the rod, and no more cells than it takes.
+    assert domain.cells < 5.5 * volume / (RADIUS * np.pi / 3) ** 3 * 2
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(("size", "reason"), [(3.0, "no cell of 'rod'"), (10.0, "overlapping")])
+def test_what_gmsh_cannot_mesh_is_told_and_leaves_the_session(
+    size, reason, gmsh_session, monkeypatch
+):
+    domain = rod(gmsh_session)
+    monkeypatch.setattr(remeshing, "EDGES_OF_CIRCLE", 0)
+    with pytest.raises(nm.InputError, match=rf"{reason}.*smaller sizes.*Mark\(\)"):
+        domain.remeshed(size)
+    gmsh_session.model.mesh.clear()
+    gmsh_session.model.mesh.generate(3)
+    assert len(gmsh_session.model.mesh.getElements(3)[1]) == 1
+
+
+def test_cells_beside_other_bodies_are_counted():
+    """Facets of two bodies match, so the finer one says how fine the other one is there."""
+    lower = nm.box((0.0, 0.0, 0.0), (2.0, 2.0, 1.0), cells=(4, 4, 2))
+    upper = nm.box((0.0, 0.0, 1.0), (2.0, 2.0, 2.0), cells=(4, 4, 2))
+    domain = nm.assembly({"lower": lower, "upper": upper}).joined("lower top", "upper bottom")
+    z = domain.mesh.geometry.x[:, 2]
+    is_upper = np.zeros(len(z), dtype=bool)
+    is_upper[np.unique(cell_nodes(domain.mesh.geometry)[domain.region("upper")])] = True
+    apart = np.where(is_upper, 0.15, 0.6)
+    together = np.where(is_upper | (z >= 1.0), 0.15, 0.6)
+    assert count_cells(domain, apart) == pytest.approx(count_cells(domain, together))
+    assert at_corners(domain, apart).count(COMM) < 0.95 * count_cells(domain, apart)
+    made = domain.remeshed(apart).cells
+    assert made == pytest.approx(count_cells(domain, apart), rel=0.15)
 
 
 @pytest.mark.ranks
