@@ -397,13 +397,13 @@ class Multigrid(ElasticEquations):
                 left = self._iterate(matrix, way, b, x, tolerance, held)
                 if left <= max(ENOUGH * tolerance, way.round_off):
                     break
-                log_of(self.model.space.comm).info(
-                    "Conjugate gradients left %.0e of the loads by %s.", left, way.name
-                )
-            else:
-                failed = f"Conjugate gradients with multigrid left {left:.0e} of the loads."
+                failed = f"left {left:.0e} of the loads"
                 if not np.isfinite(left):
-                    failed = "Conjugate gradients with multigrid are slow, or break down."
+                    failed = "are slow, or break down"
+                log = log_of(self.model.space.comm)
+                log.info("Conjugate gradients by %s %s.", way.name, failed)
+            else:
+                failed = f"Conjugate gradients with multigrid {failed}."
                 raise NotConverged(f"{failed} {TRY_DIRECT}", ())
             x.scale(size)
         u = self.function(x)
