@@ -36,7 +36,7 @@ YIELD = 235.0
 
 
 def pressed(material):
-    """The layer under the cylinder, to a certified 5%."""
+    """The layer under the cylinder, to a certified 2%."""
     scene = ec.Scene(
         material,
         [ec.Symmetry("left"), ec.Displacement("top", (0.0, -DOWN))],
@@ -44,7 +44,7 @@ def pressed(material):
         units="mm, N/mm, MPa",
     )
     layer = ec.rectangle((0.0, 0.0), (WIDTH, THICK), size=2.5)
-    return ec.adapt(scene, layer, accuracy=0.05, degree=2)
+    return ec.adapt(scene, layer, accuracy=0.02, degree=2)
 
 
 ec.log_to_console()
